@@ -82,7 +82,7 @@ impl Scan {
 }
 
 fn main() -> Result<()> {
-    let folder = tempfile::Builder::new().prefix("bench-").tempdir_in(".")?;
+    let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR"))?;
     let scan = Scan::simulate()?;
     let mut rows = codecs(&scan, folder.path())?;
     let archive = judged(&scan, &folder.path().join("judged.h5"))?;

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
-use tapline_store::{Folder, OPEN_FOLDER};
+use tapline_store::Folder;
 
 use tapline_host::messages::print_line;
 use tapline_host::progress::{Progress, Unit};
@@ -148,8 +148,8 @@ fn nothing_in(folder: &Path, which: Which) -> String {
 fn and_unfinished(count: usize) -> String {
     match count {
         0 => String::new(),
-        1 => format!("; 1 is not finished: {OPEN_FOLDER} has it"),
-        count => format!("; {count} are not finished: {OPEN_FOLDER} has them"),
+        1 => "; 1 is not finished (`tapline verify` names it)".to_owned(),
+        count => format!("; {count} are not finished (`tapline verify` names them)"),
     }
 }
 

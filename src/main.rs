@@ -1,4 +1,4 @@
-//! Finds hidden cracks in truck-tyre casings by tapping them and listening: the one program of the workspace.
+//! Finds hidden cracks in truck-tyre casings by tapping them and listening: the everyday program.
 //!
 //! This package is glue: it reads the command line and the configuration, starts the stages of a line as processes and
 //! heals them, and prints. What is computed is computed in the libraries.

@@ -2,6 +2,12 @@
 //!
 //! A [`TapSet`] reads recordings from a folder; a [`SimulatedLine`] computes them from the physics.
 //!
+//! - `source`: what a source of taps is
+//! - `tap_set`: folders of recordings, `simulated`: tyres that are computed
+//! - `capture`: sound cards and modules that are listened to, `rig`: casings on a rig, and a simulated rig for rehearsals
+//! - `config`, `stations`: what a configuration says of scans and stations
+//! - `stage`: the process `acquire` of a line
+//!
 //! ```
 //! use tapline_acquire::{ScanConfig, SimulatedLine, Source};
 //! use tapline_wire::{CacheLine, Samples, TapHeader, cache_lines_for};

@@ -1,5 +1,10 @@
 //! Exports archives in the formats of other programs: tables as CSV and, with the feature `parquet`, as Parquet; taps as tap sets
 //! of WAV files, as Universal Files (UFF), and as MATLAB files.
+//!
+//! - tables: `tables` has their columns and rows, `column` and `values` are what each format is written from: `csv_file`,
+//!   `parquet_file`
+//! - taps: `taps` has what all formats share: `tap_set`, `uff` (with `fortran`), `mat`
+//! - `folder`: a folder that appears complete or not at all
 
 mod column;
 mod csv_file;

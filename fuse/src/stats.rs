@@ -15,9 +15,9 @@ const ROUNDING: f64 = 1e-12;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Spread {
     /// Median.
-    pub(crate) centre: f64,
+    pub centre: f64,
     /// 1.4826 x the median absolute deviation; above zero.
-    pub(crate) sigma: f64,
+    pub sigma: f64,
 }
 
 impl Spread {

@@ -16,23 +16,23 @@ use crate::{Fusion, Score, ScorePool};
 /// A casing, its scan and its scatter; standard deviations are in those of one tap.
 #[derive(Debug, Clone)]
 pub(crate) struct Casing {
-    pub(crate) shoulder_count: u16,
-    pub(crate) location_count: u32,
-    pub(crate) offsets_mm: Vec<f64>,
-    pub(crate) velocities_m_per_s: Vec<f64>,
-    pub(crate) repetition_count: u16,
+    pub shoulder_count: u16,
+    pub location_count: u32,
+    pub offsets_mm: Vec<f64>,
+    pub velocities_m_per_s: Vec<f64>,
+    pub repetition_count: u16,
     /// Scatter from location to location.
-    pub(crate) location_sd: f64,
+    pub location_sd: f64,
     /// Height of the smooth change along the ring.
-    pub(crate) smooth: f64,
+    pub smooth: f64,
     /// Part of the scatter that the discriminators share.
-    pub(crate) correlation: f64,
+    pub correlation: f64,
     /// Shoulder and locations of each crack.
-    pub(crate) cracks: Vec<(u16, Range<u32>)>,
+    pub cracks: Vec<(u16, Range<u32>)>,
     /// How far a crack moves a discriminator, in its direction.
-    pub(crate) shift: f64,
+    pub shift: f64,
     /// Which discriminators a crack moves.
-    pub(crate) shifted: Vec<Discriminator>,
+    pub shifted: Vec<Discriminator>,
 }
 
 impl Default for Casing {

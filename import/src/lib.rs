@@ -1,6 +1,10 @@
 //! Recordings of other programs become tap sets: WAV, CSV, HDF5, MATLAB, Universal Files, TDMS.
 //!
 //! [`import`] reads files by a configuration, `import.toml`, that says which tap is where, and writes one tap set.
+//!
+//! - `config`: that file, `name`: which tap the name of a file means, `rows`: which taps there are
+//! - `format`: the formats, one file each; `series`: the samples of one channel
+//! - `cut`: continuous records, cut into taps; `example`: recordings to try it on
 
 mod config;
 mod cut;

@@ -3,6 +3,12 @@
 //! Definitions are those of the method's section 2; each file states the ones it implements and where it goes beyond
 //! them. A value that cannot be computed is absent, and a [`Quality`] flag says why.
 //!
+//! - `signal`: levels, extents and sums, which everything else needs first
+//! - `force`: peak, duration and onset of the pulse; `sound`: the two areas; `spectrum`: the powers
+//! - `quality`: what is wrong with a tap; `calibration`: what samples are worth
+//! - `extractor`: one tap in, its discriminators out; `estimator`: the choices of `[process]`
+//! - `stage`: the process `process` of a line
+//!
 //! | flag | what it drops |
 //! |---|---|
 //! | `REFUSED` | everything: the header does not describe the samples, or has no sample rate |
@@ -14,19 +20,8 @@
 //! | `NO_ONSET` | A_1 and A_2; if the sound does not vary, or by less than 6 sigma, PR, P_f and E_f too |
 //! | `NO_BAND` | PR, P_f, E_f; if noise is subtracted, also if a band has no more than noise |
 //!
-//! Other flags say that a value is doubtful. What they drop is set by the policies of [`QualityConfig`]; by default:
-//!
-//! | flag | rule | what it drops |
-//! |---|---|---|
-//! | `CLIPPED` | three samples in a row at the converter's limit, or at an extreme that the signal leaves steeply, also under noise | for the force F_max, tau, A_1, A_2; for the sound nothing |
-//! | `LATE_TRIGGER` | fewer than 5 quiet samples before the pulse; or it lies in the baseline, or 15 % of it before the trigger | F_max, tau, A_1, A_2, and the powers if the pulse is cut; nothing if only the mark is late |
-//! | `DOUBLE_HIT` | the force rises again by 5 % of F_max and 8 sigma, and no returning layer explains it | everything |
-//! | `UNDERSAMPLED` | fewer than 8 samples above 10 % of F_max; a rate below 2 f_top | F_max, tau, A_1, A_2; PR, P_f, E_f |
-//! | `HUM` | a line at 50 or 60 Hz above 2 % of the sound's peak, or in the force | nothing |
-//! | `LOW_SNR` | a peak below 50 sigma of the noise before the trigger, or after the ringing | nothing |
-//! | `NEIGHBOUR` | the sound's envelope rises again, or is loud before the tap, by 10 % of its peak and 6 sigma; or rings through the time before it | nothing if a retake did not help; under the policy `drop` A_2, PR, P_f, E_f, and A_1 if it came before |
-//! | `VELOCITY_OFF` | measured and planned velocity differ by more than 3 % | nothing |
-//! | `RATE_IMPLAUSIBLE` | tau outside 0.35 to 4 ms | nothing |
+//! Other flags say that a value is doubtful. What they drop is set by the policies of [`QualityConfig`]; `docs/flags.md` has the rule
+//! and the default of each.
 //!
 //! # Example
 //!

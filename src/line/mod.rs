@@ -1,6 +1,9 @@
 //! A line: starts the stages as processes, restarts them, publishes each verdict as it falls, and shows how it is.
 //!
 //! `tapline run` ends when its list of casings does; `tapline line` goes on for ever. They are the same but for that.
+//!
+//! `run` begins; `setup`, `limits` and `out_folder` are what a line needs; `supervisor` tends the `stages`, each a `stage_process` that
+//! runs `stage`; `status` and `summary` say how it is and what came of it.
 
 pub(crate) mod limits;
 pub(crate) mod out_folder;

@@ -1,4 +1,4 @@
-//! The verbs that work on archives, models and rigs, one file each.
+//! The verbs, one file each; `run`, `line` and `status` are in `crate::line`, `report` is in `crate::report`.
 
 pub(crate) mod calibrate;
 pub(crate) mod config;

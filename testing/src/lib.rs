@@ -22,7 +22,7 @@ pub fn skip(why: &str) {
 
 /// The file or folder `name` of the shared test data; `None`, and a skip, where it is not there.
 ///
-/// The data lie in `../shared/data`, or in the folder that `TAPLINE_SHARED` names. With `TAPLINE_SHARED=none` this machine is known to have
+/// The data lie in the folder `data` of `../shared`, or of the folder that `TAPLINE_SHARED` names. With `TAPLINE_SHARED=none` this machine is known to have
 /// none: that is no failure.
 pub fn shared(name: &str) -> Option<PathBuf> {
     let folder = env::var_os("TAPLINE_SHARED")

@@ -38,9 +38,9 @@ pub struct SimulatedLine {
 /// A tyre of the line, as it was written or as it is by default.
 #[derive(Debug, Clone)]
 pub(crate) struct Tyre {
-    pub(crate) serial: Serial,
-    pub(crate) station: u16,
-    pub(crate) cracks: Vec<Crack>,
+    pub serial: Serial,
+    pub station: u16,
+    pub cracks: Vec<Crack>,
 }
 
 impl SimulatedLine {

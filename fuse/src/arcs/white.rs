@@ -15,10 +15,10 @@ const RING_COUNT: usize = 200;
 /// How the strongest arcs of rings of noise are distributed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct White {
-    pub(crate) median: f64,
-    pub(crate) sd: f64,
+    pub median: f64,
+    pub sd: f64,
     /// How many discriminators they are the evidence of.
-    pub(crate) width: usize,
+    pub width: usize,
 }
 
 /// The strongest arc of rings of noise that have values where `pattern` has.

@@ -14,9 +14,9 @@ const ROUNDING: f64 = 1e-9;
 #[derive(Debug, Clone)]
 pub(crate) struct Covariance {
     /// Shrunk covariance, as divided by n.
-    pub(crate) matrix: Mat<f64>,
+    pub matrix: Mat<f64>,
     /// Columns without scatter. They count in the trace, as a user of scikit-learn has it, but must not be inverted.
-    pub(crate) is_constant: Vec<bool>,
+    pub is_constant: Vec<bool>,
 }
 
 impl Covariance {

@@ -63,28 +63,28 @@ impl Who {
 #[derive(Debug)]
 pub(super) struct Compared {
     /// Their scans.
-    pub(super) scans: Vec<usize>,
-    pub(super) shoulders: Vec<Shoulder>,
-    pub(super) conditions: Conditions,
+    pub scans: Vec<usize>,
+    pub shoulders: Vec<Shoulder>,
+    pub conditions: Conditions,
     /// `None` where the reference teaches nothing of such a scan.
-    pub(super) found: Option<Found>,
+    pub found: Option<Found>,
 }
 
 /// What a reference says of a casing.
 #[derive(Debug)]
 pub(super) struct Found {
-    pub(super) fitted: Arc<FittedReference>,
+    pub fitted: Arc<FittedReference>,
     /// By shoulder, with all taps.
-    pub(super) scores: Vec<Scores>,
+    pub scores: Vec<Scores>,
     /// The two readings, each alone; `None` where there is no second one.
-    pub(super) readings: Option<Readings>,
+    pub readings: Option<Readings>,
 }
 
 /// What each of two readings says alone, by shoulder.
 #[derive(Debug)]
 pub(super) struct Readings {
-    pub(super) first: Vec<Scores>,
-    pub(super) second: Vec<Scores>,
+    pub first: Vec<Scores>,
+    pub second: Vec<Scores>,
 }
 
 impl Fusion {

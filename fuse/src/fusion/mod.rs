@@ -1,4 +1,8 @@
 //! The state machine: taps and ends of scans in, in any order; verdicts out.
+//!
+//! `compared` compares a casing with its reference; `judge` says which limits it reaches, from which `crate::verdict` makes PASS,
+//! RE-INSPECT or REJECT; `reasons`, `coverage`, `force` and `drift` say what speaks against PASS whatever the scores are; `ask` wants
+//! more taps.
 
 pub(crate) mod ask;
 mod compared;

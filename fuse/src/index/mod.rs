@@ -19,17 +19,17 @@ use crate::shoulder::Shoulder;
 /// What an index is to be fitted for.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Setup {
-    pub(crate) kind: IndexKind,
+    pub kind: IndexKind,
     /// The discriminators that enter, each with its direction.
-    pub(crate) discriminators: Vec<(Discriminator, Direction)>,
+    pub discriminators: Vec<(Discriminator, Direction)>,
     /// Number of the offset of each condition.
-    pub(crate) offset_of: Vec<usize>,
+    pub offset_of: Vec<usize>,
     /// How many offsets there are.
-    pub(crate) offset_count: usize,
+    pub offset_count: usize,
     /// Whether the shoulders that teach are those that are judged: any of their places may be cracked.
-    pub(crate) is_own: bool,
+    pub is_own: bool,
     /// Whether the shoulders of a casing have one level in common, as lines on one slab have.
-    pub(crate) has_common_level: bool,
+    pub has_common_level: bool,
 }
 
 /// What an index says of the places of one shoulder.
@@ -37,13 +37,13 @@ pub(crate) struct Setup {
 pub(crate) struct Scores {
     /// `[offset][place]`, greater the more likely there is damage: each of mean 0 and standard deviation 1 over sound places;
     /// NaN where no tap says anything. An index of one number has it in the first place.
-    pub(crate) by_offset: Vec<Vec<Vector>>,
+    pub by_offset: Vec<Vec<Vector>>,
     /// The same where no tap that stands out alone is cut: what it says is asked again rather than believed.
-    pub(crate) uncut: Vec<Vec<Vector>>,
+    pub uncut: Vec<Vec<Vector>>,
     /// Mean score of each discriminator by place, in the order of [`Setup::discriminators`]; NaN where it is absent.
-    pub(crate) by_discriminator: Vec<Vec<f64>>,
+    pub by_discriminator: Vec<Vec<f64>>,
     /// Places that are not left out of the level of their turns, as ones that stand out are.
-    pub(crate) is_inlier: Vec<bool>,
+    pub is_inlier: Vec<bool>,
 }
 
 impl Scores {

@@ -14,18 +14,18 @@ use crate::verdict::whole_shoulder::Levels;
 /// A reference as it judges shoulders of one plan.
 #[derive(Debug)]
 pub(crate) struct FittedReference {
-    pub(crate) setup: Setup,
-    pub(crate) index: Box<dyn Index>,
-    pub(crate) statistic: ArcStatistic,
-    pub(crate) limits: Limits,
+    pub setup: Setup,
+    pub index: Box<dyn Index>,
+    pub statistic: ArcStatistic,
+    pub limits: Limits,
     /// Of whole shoulders; `None` where too few casings tell.
-    pub(crate) levels: Option<Levels>,
+    pub levels: Option<Levels>,
     /// How many casings the limits rest on; none where shoulders are their own reference.
-    pub(crate) casing_count: usize,
+    pub casing_count: usize,
     /// Strongest arc of each of its shoulders, judged by the other casings, and the number of its casing.
-    pub(crate) strongest: Vec<(usize, f64)>,
+    pub strongest: Vec<(usize, f64)>,
     /// What noise alone makes of arcs.
-    pub(crate) white: White,
+    pub white: White,
 }
 
 impl FittedReference {

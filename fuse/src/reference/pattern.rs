@@ -9,9 +9,9 @@ use crate::shoulder::conditions::Conditions;
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Pattern {
     /// The conditions of the scan and of the reference.
-    pub(crate) conditions: Conditions,
+    pub conditions: Conditions,
     /// Locations of each turn, ascending, by condition and rank among the repetitions of that condition.
-    pub(crate) turns: BTreeMap<(usize, usize), Vec<u32>>,
+    pub turns: BTreeMap<(usize, usize), Vec<u32>>,
 }
 
 impl Pattern {

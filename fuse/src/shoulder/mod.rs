@@ -12,15 +12,15 @@ use crate::shoulder::ring::Ring;
 #[derive(Debug, Clone)]
 pub(crate) struct Shoulder {
     /// Its locations, and which of them are neighbours.
-    pub(crate) ring: Ring,
+    pub ring: Ring,
     /// Number of its casing among those it is compared with.
-    pub(crate) casing: usize,
+    pub casing: usize,
     /// Its turns, ordered by condition and repetition.
-    pub(crate) turns: Vec<Turn>,
+    pub turns: Vec<Turn>,
     /// For each place whether it is cracked, where that is known.
-    pub(crate) is_cracked: Vec<Option<bool>>,
+    pub is_cracked: Vec<Option<bool>>,
     /// Of a reference: more repetitions than the scan has. They tell what of the scatter stays with a place.
-    pub(crate) repeats: Vec<Turn>,
+    pub repeats: Vec<Turn>,
 }
 
 /// Once around a shoulder at one offset and velocity.

@@ -83,10 +83,10 @@ impl fmt::Display for By {
 /// How casings are scanned and judged.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Asked {
-    pub(crate) policy: Policy,
-    pub(crate) re_inspect_rate: Option<f64>,
-    pub(crate) confirm_rate: Option<f64>,
-    pub(crate) times: Times,
+    pub policy: Policy,
+    pub re_inspect_rate: Option<f64>,
+    pub confirm_rate: Option<f64>,
+    pub times: Times,
 }
 
 /// What is counted of a cell.

@@ -15,13 +15,13 @@ const RATES: [f64; 2] = [0.02, 0.001];
 /// A shoulder that was judged: regions are the locations whose index reaches the limit.
 #[derive(Debug, Clone)]
 pub(crate) struct Shoulder {
-    pub(crate) tyre: String,
-    pub(crate) shoulder: u16,
-    pub(crate) index: Vec<f64>,
-    pub(crate) strongest_arc: f64,
-    pub(crate) limits: [f64; 2],
+    pub tyre: String,
+    pub shoulder: u16,
+    pub index: Vec<f64>,
+    pub strongest_arc: f64,
+    pub limits: [f64; 2],
     /// Locations that are cracked, by the archive itself; `None` where it does not know.
-    pub(crate) known: Option<Vec<u32>>,
+    pub known: Option<Vec<u32>>,
 }
 
 impl Shoulder {
@@ -41,10 +41,10 @@ impl Shoulder {
 /// Scans of several shoulders at one station.
 #[derive(Debug, Clone)]
 pub(crate) struct Archive {
-    pub(crate) station: u16,
+    pub station: u16,
     /// When it was tapped.
-    pub(crate) at_ns: i64,
-    pub(crate) shoulders: Vec<Shoulder>,
+    pub at_ns: i64,
+    pub shoulders: Vec<Shoulder>,
 }
 
 impl Archive {

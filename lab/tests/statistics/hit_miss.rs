@@ -11,18 +11,18 @@ use super::{is_near, is_near_covariance};
 /// A study and what statsmodels' GLM finds in it.
 #[derive(Debug)]
 pub(crate) struct HitMissCase {
-    pub(crate) name: &'static str,
-    pub(crate) sizes: &'static [f64],
-    pub(crate) is_hit: &'static [bool],
-    pub(crate) coefficients: [f64; 2],
-    pub(crate) covariance: [f64; 4],
-    pub(crate) log_likelihood: f64,
-    pub(crate) a50: f64,
-    pub(crate) a90: f64,
-    pub(crate) a90_95_wald: f64,
-    pub(crate) a90_95_likelihood: Option<f64>,
-    pub(crate) first_pod: f64,
-    pub(crate) first_pod_lower: f64,
+    pub name: &'static str,
+    pub sizes: &'static [f64],
+    pub is_hit: &'static [bool],
+    pub coefficients: [f64; 2],
+    pub covariance: [f64; 4],
+    pub log_likelihood: f64,
+    pub a50: f64,
+    pub a90: f64,
+    pub a90_95_wald: f64,
+    pub a90_95_likelihood: Option<f64>,
+    pub first_pod: f64,
+    pub first_pod_lower: f64,
 }
 
 #[test]

@@ -43,8 +43,8 @@ pub struct CasingFile {
 /// Length of a file, and what is at its end: archives of which both are the same are the same.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct End {
-    pub(crate) bytes: u64,
-    pub(crate) last: Vec<u8>,
+    pub bytes: u64,
+    pub last: Vec<u8>,
 }
 
 impl CasingFile {

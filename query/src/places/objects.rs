@@ -45,10 +45,10 @@ struct Bucket {
 /// An object of a list.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Object {
-    pub(crate) key: String,
-    pub(crate) modified: SystemTime,
+    pub key: String,
+    pub modified: SystemTime,
     /// What another object under this key would not have.
-    pub(crate) e_tag: Option<String>,
+    pub e_tag: Option<String>,
 }
 
 /// Whether an object was put, or one was there.

@@ -19,8 +19,8 @@ const AT_A_TIME: usize = 16;
 /// What is asked for: the same files, judged in the same way by the same program, are the same job.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Job {
-    pub(super) key: String,
-    pub(super) task: ReprocessTask,
+    pub key: String,
+    pub task: ReprocessTask,
 }
 
 impl Job {

@@ -129,7 +129,7 @@ impl Scatter {
         self.covariance[d][d].sqrt()
     }
 
-    /// `scores` as values that are independent on sound places, each of variance 1: but for [`ROUNDING`], their length is not less than
+    /// `scores` as values that are independent on sound places, each of variance 1: but for [`crate::evidence::ROUNDING`], their length is not less than
     /// the evidence. NaN where any that counts is absent.
     pub(crate) fn whitened(&self, scores: &Vector) -> Vector {
         // Whole columns, so that the compiler can use vectors.

@@ -19,9 +19,9 @@ pub(super) type Levels = Vec<Vec<Level>>;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Level {
     /// In the middle of the turn; NaN where the turn has none.
-    pub(super) middle: f64,
+    pub middle: f64,
     /// What it rises by from the first to the last place: a gain may drift while the turn is made.
-    pub(super) drift: f64,
+    pub drift: f64,
 }
 
 impl Level {

@@ -83,7 +83,7 @@ impl Fused {
         sums.into_iter().map(of_offset).collect()
     }
 
-    /// `[offset][place]`, as [`Scores::by_offset`].
+    /// `[offset][place]`, as [`crate::index::Scores::by_offset`].
     pub(super) fn by_offset(&self, means: TapMeans) -> Vec<Vec<Vector>> {
         let of = |(means, scales): (Vec<Means>, &Vec<Option<OffsetScale>>)| {
             let score = |means: Means| {

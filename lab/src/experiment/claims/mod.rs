@@ -73,7 +73,7 @@ pub(super) fn csv(claims: &[Claim]) -> Result<String> {
 }
 
 /// The page above its table.
-const HEAD: &str = include_str!("claims/head.md");
+const HEAD: &str = include_str!("head.md");
 
 /// The page: the head, what was drawn, and the table of claims; `folder` is that of the figures.
 pub(super) fn page(claims: &[Claim], figures: &[(&str, &str)], folder: &str) -> String {

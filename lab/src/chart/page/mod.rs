@@ -9,7 +9,7 @@ use super::provenance::Provenance;
 use super::words::{self, HOW_TO_READ, few_digits};
 use crate::evaluation::{Cell, Table};
 
-const STYLE: &str = include_str!("page/style.css");
+const STYLE: &str = include_str!("style.css");
 const TITLE: &str = "tapline: speed against accuracy";
 
 /// The HTML page.

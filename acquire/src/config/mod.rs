@@ -100,9 +100,9 @@ pub enum ScanPolicy {
 /// Once around a shoulder.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Turn {
-    pub(crate) offset_mm: f64,
-    pub(crate) velocity_m_per_s: f64,
-    pub(crate) repetition: u16,
+    pub offset_mm: f64,
+    pub velocity_m_per_s: f64,
+    pub repetition: u16,
 }
 
 /// One simulated tyre: an entry `[[scan.tyre]]`.

@@ -87,5 +87,4 @@ pub(super) fn figure(number: u8) -> Result<Figure, Error> {
 }
 
 #[cfg(test)]
-#[path = "curves/tests.rs"]
 mod tests;
