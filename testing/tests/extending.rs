@@ -37,7 +37,9 @@ fn find(folder: &Path, root: &Path, part: &str, found: &mut BTreeSet<String>) {
         let path = entry.unwrap().path();
         let name = path.file_name().unwrap().to_str().unwrap();
         if path.is_dir() {
-            find(&path, root, part, found);
+            if name != "tests" {
+                find(&path, root, part, found);
+            }
             continue;
         }
         let text = fs::read_to_string(&path).unwrap_or_default();
