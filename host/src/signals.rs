@@ -17,11 +17,13 @@ use signal_hook::iterator::Signals;
 use signal_hook::low_level::emulate_default_handler;
 
 /// Removes the drafts of the process that becomes this shell, then ends it by the signal that is its first word. The folders follow.
-/// A draft is called `NAME.PID.new`, or `NAME.PID-RANDOM.new`.
+/// A draft is called `NAME.PID.new`, or `NAME.PID-RANDOM.new`. Process 1 of a container does not end by a signal of its own; it exits
+/// with the number that shells give such an end.
 const END: &str = r#"for folder; do
   for name in '*' '.*'; do rm -rf -- "$folder"/$name.$$.new "$folder"/$name.$$-*.new; done
 done
-kill -"$0" $$"#;
+kill -"$0" $$
+exit $((128 + $0))"#;
 
 /// A flag that SIGTERM and SIGINT set.
 ///
