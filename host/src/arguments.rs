@@ -1,10 +1,19 @@
 //! Arguments that many verbs share.
 
-use clap::{ArgAction, Args};
+use clap::{ArgAction, Args, ValueEnum};
 use tracing::level_filters::LevelFilter;
 
 use crate::atomic_file::Existing;
-use crate::log::LogFormat;
+
+/// How events are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum LogFormat {
+    /// Lines for people.
+    #[default]
+    Text,
+    /// A line of JSON for each event.
+    Json,
+}
 
 /// How much a program says while it works, and how.
 #[derive(Debug, Clone, Copy, Args)]

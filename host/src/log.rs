@@ -2,25 +2,14 @@
 
 use std::sync::OnceLock;
 
-use clap::ValueEnum;
 use tracing::level_filters::LevelFilter;
 use tracing_subscriber::Layer as _;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::layer::SubscriberExt as _;
 use tracing_subscriber::util::SubscriberInitExt as _;
 
-use crate::arguments::LogArgs;
+use crate::arguments::{LogArgs, LogFormat};
 use crate::colour;
-
-/// How events are written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
-pub enum LogFormat {
-    /// Lines for people.
-    #[default]
-    Text,
-    /// A line of JSON for each event.
-    Json,
-}
 
 /// How this process was asked to log, which the stages of a line are started with too.
 static ASKED: OnceLock<LogArgs> = OnceLock::new();

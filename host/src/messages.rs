@@ -3,7 +3,8 @@
 use std::error::Error;
 use std::io::Write as _;
 
-use crate::log::{self, LogFormat, SAID};
+use crate::arguments::LogFormat;
+use crate::log::{self, SAID};
 use crate::similar::meant_instead;
 
 /// Writes `text` and a line's end.

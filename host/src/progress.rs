@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use crate::log::{self, LogFormat};
+use crate::arguments::LogFormat;
+use crate::log;
 use crate::messages::{print_line, say};
 
 /// Time between plain lines.

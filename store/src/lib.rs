@@ -63,7 +63,7 @@ mod write;
 
 pub use config::StoreConfig;
 pub use error::{Error, Result};
-pub use file::{LEFT_FOLDER, OPEN_FOLDER};
+pub use file::{LEFT_FOLDER, OPEN_FOLDER, UNREPORTED_FOLDER};
 pub use folder::{Folder, Results, Sorted, archive_of, has_results, results_path};
 pub use format::layout::{FORMAT_VERSION, REASON_BYTES};
 pub use format::lineage::{Lineage, digest_of, hex_of, lineage_key};
@@ -73,7 +73,7 @@ pub use read::regions::{Region, regions};
 pub use read::samples::{ReadBuffer, Taps};
 pub use read::verify::{Problem, Report, verify, verify_with};
 pub use repack::{Repacked, repack, repack_with};
-pub use stage::{Outcome, Places, RunError, StoreRun, UNREPORTED_FOLDER, Unreported, casing_id, run};
+pub use stage::{Outcome, Places, RunError, StoreRun, Unreported, casing_id, run};
 pub use tapline_codec::Codec;
 pub use write::Writer;
 pub use write::finish::Finishing;

@@ -14,5 +14,8 @@ pub const OPEN_FOLDER: &str = "open";
 /// Folder of unfinished files that a line cannot resume, within its output folder.
 pub const LEFT_FOLDER: &str = "left";
 
+/// Folder of the notes of verdicts that are still to be reported, within the output folder of a line.
+pub const UNREPORTED_FOLDER: &str = "unreported";
+
 /// Ending of an archive's name.
 pub(crate) const ENDING: &str = "h5";

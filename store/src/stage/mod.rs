@@ -32,7 +32,7 @@ use tapline_wire::{
 
 pub use self::outcome::{Outcome, RunError};
 pub use self::places::Places;
-pub use self::unreported::{UNREPORTED_FOLDER, Unreported, casing_id};
+pub use self::unreported::{Unreported, casing_id};
 
 use self::closer::Closer;
 use self::notices::Notices;

@@ -8,9 +8,8 @@ use jiff::tz::TimeZone;
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, percent_decode_str, utf8_percent_encode};
 use tapline_wire::{NAME_BYTES_MAX, now_ns};
 
-use super::unreported::UNREPORTED_FOLDER;
 use crate::error::{Context as _, Result};
-use crate::file::{ENDING, LEFT_FOLDER, OPEN_FOLDER};
+use crate::file::{ENDING, LEFT_FOLDER, OPEN_FOLDER, UNREPORTED_FOLDER};
 
 /// What a name has in no file name.
 const ESCAPED: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'_').remove(b'.');

@@ -12,9 +12,6 @@ use super::places::Places;
 use crate::error::{Context as _, Error, Result};
 use crate::file::draft::sync_folder_of;
 
-/// Folder of the notes, within the output folder.
-pub const UNREPORTED_FOLDER: &str = "unreported";
-
 /// End of the name of a note that is being written.
 const DRAFT: &str = "new";
 
