@@ -23,7 +23,7 @@ pub(crate) struct ReferenceArgs {
     /// Learn from the labels which way each discriminator moves with damage, where they show it.
     #[arg(long, requires = "labelled")]
     pub learn_directions: bool,
-    /// Configuration file, for directions and rate of false calls; that of the first archive when left out.
+    /// Configuration file, for directions and re-inspect rate; those of the first archive when left out.
     #[arg(long)]
     pub config: Option<PathBuf>,
     /// File to write, whose name ends in .json.

@@ -119,8 +119,8 @@ fn text(status: &Status) -> String {
     if !restarts.is_empty() {
         text.push_str(&format!("\nRestarts: {}", restarts.join(", ")));
     }
-    let waiting = status.sinks.iter().filter(|sink| sink.waiting > 0);
-    let waiting: Vec<String> = waiting.map(|sink| format!("{} {}", sink.name, sink.waiting)).collect();
+    let waiting = status.receivers.iter().filter(|receiver| receiver.waiting > 0);
+    let waiting: Vec<String> = waiting.map(|receiver| format!("{} {}", receiver.name, receiver.waiting)).collect();
     if !waiting.is_empty() {
         text.push_str(&format!("\nVerdicts that wait to be acknowledged: {}", waiting.join(", ")));
     }

@@ -106,8 +106,9 @@ fn of_casings(registry: &mut Registry, status: &Status) {
             .map(|(kind, count)| (vec![station(of), ("verdict", kind.to_string())], count))
     });
     counted(registry, "verdicts", "Casings judged since the line was started", verdicts);
-    let waiting = status.sinks.iter().map(|sink| (vec![("sink", sink.name.clone())], sink.waiting as f64));
-    measured(registry, ("verdicts_waiting", None), "Verdicts that a sink has not acknowledged", waiting);
+    let waiting =
+        status.receivers.iter().map(|receiver| (vec![("receiver", receiver.name.clone())], receiver.waiting as f64));
+    measured(registry, ("verdicts_waiting", None), "Verdicts that a receiver has not acknowledged", waiting);
     registry.register_with_unit(
         "verdict_latency",
         "Time from the last tap of a casing to its verdict",

@@ -29,7 +29,7 @@ pub(crate) struct Status {
     pub lost_count: u64,
     pub latency: Latency,
     /// Where verdicts go, but for standard output.
-    pub sinks: Vec<SinkStatus>,
+    pub receivers: Vec<ReceiverStatus>,
     pub stations: Vec<StationStatus>,
     pub stages: Vec<StageStatus>,
     /// The last verdicts, the newest first.
@@ -65,7 +65,7 @@ pub(crate) struct StationStatus {
 
 /// How it stands with one of those who are told verdicts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(crate) struct SinkStatus {
+pub(crate) struct ReceiverStatus {
     pub name: String,
     /// Verdicts that it has not acknowledged.
     pub waiting: u64,

@@ -33,10 +33,10 @@ use anyhow::Result;
 use tapline_store::{Places, Unreported};
 
 use crate::config::LineConfig;
-use crate::shown::status::{SinkStatus, StationStatus};
+use crate::shown::status::{ReceiverStatus, StationStatus};
 use crate::shown::verdict::CasingVerdict;
 use crate::wires::on_verdict::VerdictCommand;
-use crate::wires::outbox::{Outbox, Sink};
+use crate::wires::outbox::{Outbox, Receiver};
 
 /// Whoever receives verdicts. When it is dropped, what waits is reported first, for a while; the rest is after the next start.
 #[derive(Debug)]
@@ -54,14 +54,14 @@ impl Wires {
     /// Starts what `config` names, for a line with these stations and files; and says where what is served is found.
     pub(crate) fn start(config: &LineConfig, stations: &[u16], places: &Places) -> Result<(Self, Vec<String>)> {
         let is_there = [
-            (Sink::Print, true),
-            (Sink::Command, config.on_verdict.is_some()),
-            (Sink::Mqtt, config.mqtt.is_some()),
-            (Sink::OpcUa, config.opcua.is_some()),
-            (Sink::Modbus, config.modbus.is_some()),
+            (Receiver::Print, true),
+            (Receiver::Command, config.on_verdict.is_some()),
+            (Receiver::Mqtt, config.mqtt.is_some()),
+            (Receiver::OpcUa, config.opcua.is_some()),
+            (Receiver::Modbus, config.modbus.is_some()),
         ];
         let outbox =
-            Outbox::open(places, is_there.iter().filter(|(_, is_so)| *is_so).map(|&(sink, _)| sink).collect())?;
+            Outbox::open(places, is_there.iter().filter(|(_, is_so)| *is_so).map(|&(receiver, _)| receiver).collect())?;
         let command =
             config.on_verdict.as_deref().map(|command| VerdictCommand::start(command, &outbox)).transpose()?;
         Self::with_plant(config, stations, outbox, command)
@@ -111,12 +111,12 @@ impl Wires {
 
     /// The oldest verdict that an earlier line has not printed.
     pub(crate) fn next_unprinted(&self) -> Option<Unreported> {
-        self.outbox.next(Sink::Print, None)
+        self.outbox.next(Receiver::Print, None)
     }
 
     /// Notes that a verdict was printed.
     pub(crate) fn printed(&self, number: u64) {
-        self.outbox.acknowledge(Sink::Print, number);
+        self.outbox.acknowledge(Receiver::Print, number);
     }
 
     /// The alarms since this was last called.
@@ -125,7 +125,7 @@ impl Wires {
     }
 
     /// How it stands with each of them.
-    pub(crate) fn statuses(&self) -> Vec<SinkStatus> {
+    pub(crate) fn statuses(&self) -> Vec<ReceiverStatus> {
         self.outbox.statuses()
     }
 

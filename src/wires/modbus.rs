@@ -21,7 +21,7 @@ use tokio_modbus::{ExceptionCode, Request, Response};
 use crate::config::wires::ModbusConfig;
 use crate::shown::verdict::CasingVerdict;
 use crate::wires::now::StationState;
-use crate::wires::outbox::Sink;
+use crate::wires::outbox::Receiver;
 use crate::wires::wire::{News, Plant, Wire, end_if_gone};
 
 /// Most connections at once.
@@ -71,7 +71,7 @@ pub(super) fn start(config: &ModbusConfig, plant: &Plant) -> Result<(Wire, Socke
     let address = listener.local_addr().with_context(context)?;
     let mailboxes = plant.stations.iter().map(|&station| (station, Mailbox::default())).collect();
     let registers = Registers { plant: plant.clone(), mailboxes: Mutex::new(mailboxes) };
-    let wire = Wire::start(Sink::Modbus, plant, || Ok(move |news| serve(listener, Arc::new(registers), news)))?;
+    let wire = Wire::start(Receiver::Modbus, plant, || Ok(move |news| serve(listener, Arc::new(registers), news)))?;
     Ok((wire, address))
 }
 
@@ -146,7 +146,7 @@ impl Registers {
         let outbox = &self.plant.outbox;
         for &station in self.plant.stations.iter() {
             while self.mailboxes().get(&station).is_some_and(|mailbox| mailbox.waiting.is_none())
-                && let Some(note) = outbox.next(Sink::Modbus, Some(station))
+                && let Some(note) = outbox.next(Receiver::Modbus, Some(station))
             {
                 // Read without the lock: a disk may be slow.
                 let Some(verdict) = outbox.read(&note) else { continue };
@@ -211,7 +211,7 @@ impl Registers {
             Some(acknowledged) => {
                 mailbox.acknowledged = value;
                 drop(mailboxes);
-                self.plant.outbox.acknowledge(Sink::Modbus, acknowledged.casing);
+                self.plant.outbox.acknowledge(Receiver::Modbus, acknowledged.casing);
                 self.fill();
                 Ok(())
             }

@@ -8,12 +8,12 @@ use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail};
-use crossbeam::channel::{Receiver, RecvTimeoutError, Sender, bounded};
+use crossbeam::channel::{self, RecvTimeoutError, Sender, bounded};
 use rustix::process::{Pid, Signal, kill_process_group};
 use tapline_store::Unreported;
 
 use crate::shown::verdict::CasingVerdict;
-use crate::wires::outbox::{Outbox, Sink};
+use crate::wires::outbox::{Outbox, Receiver};
 
 /// How long the command may take.
 const TIMEOUT: Duration = Duration::from_secs(60);
@@ -47,7 +47,7 @@ enum Ended {
 struct Runner {
     command: String,
     outbox: Arc<Outbox>,
-    news: Receiver<()>,
+    news: channel::Receiver<()>,
     until: Arc<OnceLock<Instant>>,
 }
 
@@ -104,7 +104,7 @@ impl Runner {
 
     /// Runs the command for every verdict that waits; when it is to be run again for one, if it has asked for that.
     fn tell_all(&self) -> Option<Instant> {
-        while let Some(note) = self.outbox.next(Sink::Command, None) {
+        while let Some(note) = self.outbox.next(Receiver::Command, None) {
             if self.is_over() {
                 tracing::warn!(
                     "on_verdict took too long: what waits for it is reported after the next start of the line"
@@ -113,9 +113,13 @@ impl Runner {
             }
             let Some(verdict) = self.outbox.read(&note) else { continue };
             match self.run_one(&note, &verdict) {
-                Ok(Ended::Told) => self.outbox.set_trouble(Sink::Command, "failed", None),
+                Ok(Ended::Told) => self.outbox.set_trouble(Receiver::Command, "failed", None),
                 Ok(Ended::Later(why)) => {
-                    self.outbox.set_trouble(Sink::Command, "failed", Some(format!("casing {}: {why}", verdict.casing)));
+                    self.outbox.set_trouble(
+                        Receiver::Command,
+                        "failed",
+                        Some(format!("casing {}: {why}", verdict.casing)),
+                    );
                     return Some(Instant::now() + AGAIN_AFTER);
                 }
                 // It was run: run again, it might do twice what it has done.
@@ -125,7 +129,7 @@ impl Runner {
                     self.outbox.alarm(format!("casing {}: on_verdict failed: {error:#}", verdict.casing));
                 }
             }
-            self.outbox.acknowledge(Sink::Command, note.number);
+            self.outbox.acknowledge(Receiver::Command, note.number);
         }
         None
     }

@@ -1,6 +1,6 @@
 //! Who has still to be reported which verdict.
 //!
-//! `store` leaves a note of each casing before it gives the finished file its name; the note stays until every sink has
+//! `store` leaves a note of each casing before it gives the finished file its name; the note stays until every receiver has
 //! acknowledged the verdict. Work to do = notes - acknowledgements, after a `kill -9` as ever. An acknowledgement is a word at the end
 //! of the note's name (`5c0f….print.mqtt`), so that it needs no room on the disk and is there or not; the last one removes the
 //! note. What the note is about, the casing's file says.
@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 use tapline_store::{Places, Reader, Unreported, casing_id};
 use tapline_wire::now_ns;
 
-use crate::shown::status::SinkStatus;
+use crate::shown::status::ReceiverStatus;
 use crate::shown::verdict::CasingVerdict;
 
 /// Most verdicts that may wait at once; those beyond stay on the disk for the next start of the line.
@@ -36,7 +36,7 @@ const NAMED_WITHIN: Duration = Duration::from_secs(10);
 
 /// Where verdicts go.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub(crate) enum Sink {
+pub(crate) enum Receiver {
     /// Standard output.
     Print,
     /// The command `on_verdict`.
@@ -46,7 +46,7 @@ pub(crate) enum Sink {
     Modbus,
 }
 
-impl Sink {
+impl Receiver {
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Print => "print",
@@ -71,7 +71,7 @@ struct Waiting {
     /// Name of the note.
     file_name: String,
     /// Who is still to acknowledge it.
-    owed: Vec<Sink>,
+    owed: Vec<Receiver>,
     /// Whether its file could not be read: it is not reported before the next start of the line.
     is_unreadable: bool,
 }
@@ -81,7 +81,7 @@ struct State {
     waiting: BTreeMap<Place, Waiting>,
     /// Notes of casings whose files did not have their names when the line was started.
     unnamed: Vec<Unreported>,
-    troubles: BTreeMap<(Sink, &'static str), String>,
+    troubles: BTreeMap<(Receiver, &'static str), String>,
     alarms: Vec<String>,
     wakes: Vec<Wake>,
     is_full: bool,
@@ -90,25 +90,25 @@ struct State {
 /// The verdicts that are still to be reported.
 pub(crate) struct Outbox {
     places: Places,
-    sinks: Vec<Sink>,
+    receivers: Vec<Receiver>,
     opened_at: Instant,
     /// Held for moments: the line itself waits for it.
     state: Mutex<State>,
-    /// Held while notes are renamed and removed; a disk that hangs keeps only sinks waiting.
+    /// Held while notes are renamed and removed; a disk that hangs keeps only receivers waiting.
     disk: Mutex<()>,
 }
 
 impl fmt::Debug for Outbox {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Outbox").field("sinks", &self.sinks).finish_non_exhaustive()
+        f.debug_struct("Outbox").field("receivers", &self.receivers).finish_non_exhaustive()
     }
 }
 
 impl Outbox {
-    /// What an earlier line has left to tell, and what will be, to each of `sinks`.
-    pub(crate) fn open(places: &Places, sinks: Vec<Sink>) -> Result<Arc<Self>> {
+    /// What an earlier line has left to tell, and what will be, to each of `receivers`.
+    pub(crate) fn open(places: &Places, receivers: Vec<Receiver>) -> Result<Arc<Self>> {
         let (state, disk) = (Mutex::default(), Mutex::default());
-        let outbox = Self { places: places.clone(), sinks, opened_at: Instant::now(), state, disk };
+        let outbox = Self { places: places.clone(), receivers, opened_at: Instant::now(), state, disk };
         for (path, id, acknowledged) in outbox.notes()? {
             let note = match Unreported::read(&path) {
                 Ok(note) if note.id() == id => note,
@@ -153,8 +153,8 @@ impl Outbox {
     fn add(&self, note: Unreported, acknowledged: &[String]) {
         let mut file_name = note.id();
         acknowledged.iter().for_each(|name| file_name = format!("{file_name}.{name}"));
-        let is_owed = |sink: &&Sink| acknowledged.iter().all(|name| name != sink.name());
-        let owed: Vec<Sink> = self.sinks.iter().filter(is_owed).copied().collect();
+        let is_owed = |receiver: &&Receiver| acknowledged.iter().all(|name| name != receiver.name());
+        let owed: Vec<Receiver> = self.receivers.iter().filter(is_owed).copied().collect();
         if owed.is_empty() {
             // Only those who are not configured any more have not acknowledged it.
             return self.remove(&file_name);
@@ -177,7 +177,7 @@ impl Outbox {
     /// Takes up the casing `number`, whose file has its name now. `None` if it was reported before.
     pub(crate) fn take_up(&self, number: u64) -> Result<Option<Unreported>> {
         if let Some(waiting) = self.state().waiting.values().find(|waiting| waiting.note.number == number) {
-            return Ok(Some(waiting.note.clone()).filter(|_| waiting.owed.contains(&Sink::Print)));
+            return Ok(Some(waiting.note.clone()).filter(|_| waiting.owed.contains(&Receiver::Print)));
         }
         let path = self.places.unreported_folder().join(casing_id(number));
         if !path.try_exists().with_context(|| format!("cannot look for {}", path.display()))? {
@@ -189,22 +189,22 @@ impl Outbox {
         Ok(Some(note))
     }
 
-    /// The oldest verdict that `sink` is to be sent; of one station, if it asks for one.
-    pub(crate) fn next(&self, sink: Sink, station: Option<u16>) -> Option<Unreported> {
+    /// The oldest verdict that `receiver` is to be sent; of one station, if it asks for one.
+    pub(crate) fn next(&self, receiver: Receiver, station: Option<u16>) -> Option<Unreported> {
         let of = |waiting: &&Waiting| station.is_none_or(|station| waiting.note.station == station);
-        self.state().owed(sink).find(of).map(|waiting| waiting.note.clone())
+        self.state().owed(receiver).find(of).map(|waiting| waiting.note.clone())
     }
 
-    /// The verdict on the casing `number`, if `sink` is to be sent it.
+    /// The verdict on the casing `number`, if `receiver` is to be sent it.
     #[cfg(feature = "plant")]
-    pub(crate) fn find(&self, sink: Sink, number: u64) -> Option<Unreported> {
-        self.state().owed(sink).find(|waiting| waiting.note.number == number).map(|waiting| waiting.note.clone())
+    pub(crate) fn find(&self, receiver: Receiver, number: u64) -> Option<Unreported> {
+        self.state().owed(receiver).find(|waiting| waiting.note.number == number).map(|waiting| waiting.note.clone())
     }
 
-    /// Ids of the verdicts that `sink` is to be sent, the oldest first, at most so many.
+    /// Ids of the verdicts that `receiver` is to be sent, the oldest first, at most so many.
     #[cfg(feature = "plant")]
-    pub(crate) fn ids(&self, sink: Sink, most: usize) -> Vec<String> {
-        self.state().owed(sink).take(most).map(|waiting| waiting.note.id()).collect()
+    pub(crate) fn ids(&self, receiver: Receiver, most: usize) -> Vec<String> {
+        self.state().owed(receiver).take(most).map(|waiting| waiting.note.id()).collect()
     }
 
     /// The place of the newest verdict, for [`Outbox::newer`].
@@ -213,13 +213,13 @@ impl Outbox {
         self.state().waiting.keys().next_back().copied()
     }
 
-    /// The verdicts after `place` that `sink` is to be sent, the oldest first.
+    /// The verdicts after `place` that `receiver` is to be sent, the oldest first.
     #[cfg(feature = "plant")]
-    pub(crate) fn newer(&self, sink: Sink, place: Option<Place>) -> Vec<Unreported> {
+    pub(crate) fn newer(&self, receiver: Receiver, place: Option<Place>) -> Vec<Unreported> {
         let after = place.map_or(Bound::Unbounded, Bound::Excluded);
         let state = self.state();
         let newer = state.waiting.range((after, Bound::Unbounded)).map(|(_, waiting)| waiting);
-        newer.filter(|waiting| waiting.owed.contains(&sink)).map(|waiting| waiting.note.clone()).collect()
+        newer.filter(|waiting| waiting.owed.contains(&receiver)).map(|waiting| waiting.note.clone()).collect()
     }
 
     /// The verdict that `note` is about. Where it cannot be read, `note` is not reported before the next start of the line.
@@ -245,14 +245,14 @@ impl Outbox {
         self.places.out().join(&note.file)
     }
 
-    /// Notes that `sink` has the verdict on the casing `number`; whether it was to be sent.
-    pub(crate) fn acknowledge(&self, sink: Sink, number: u64) -> bool {
+    /// Notes that `receiver` has the verdict on the casing `number`; whether it was to be sent.
+    pub(crate) fn acknowledge(&self, receiver: Receiver, number: u64) -> bool {
         let _turn = self.disk.lock().unwrap_or_else(PoisonError::into_inner);
         let mut state = self.state();
         let Some((&key, waiting)) = state.waiting.iter_mut().find(|(_, waiting)| waiting.note.number == number) else {
             return false;
         };
-        let Some(place) = waiting.owed.iter().position(|owed| *owed == sink) else { return false };
+        let Some(place) = waiting.owed.iter().position(|owed| *owed == receiver) else { return false };
         waiting.owed.swap_remove(place);
         let before = waiting.file_name.clone();
         if waiting.owed.is_empty() {
@@ -260,7 +260,7 @@ impl Outbox {
             drop(state);
             self.remove(&before);
         } else {
-            waiting.file_name = format!("{before}.{}", sink.name());
+            waiting.file_name = format!("{before}.{}", receiver.name());
             let after = waiting.file_name.clone();
             drop(state);
             let folder = self.places.unreported_folder();
@@ -278,19 +278,19 @@ impl Outbox {
         self.state().wakes.push(wake);
     }
 
-    /// Says that something is wrong with `sink`, or nothing any more; what is new is an alarm too. `kind` tells one trouble of a sink
+    /// Says that something is wrong with `receiver`, or nothing any more; what is new is an alarm too. `kind` tells one trouble of a receiver
     /// from another.
-    pub(crate) fn set_trouble(&self, sink: Sink, kind: &'static str, trouble: Option<String>) {
+    pub(crate) fn set_trouble(&self, receiver: Receiver, kind: &'static str, trouble: Option<String>) {
         let mut state = self.state();
         match trouble {
             Some(text) => {
-                if state.troubles.insert((sink, kind), text.clone()).is_none() {
+                if state.troubles.insert((receiver, kind), text.clone()).is_none() {
                     tracing::warn!("{text}");
                     state.alarm(text);
                 }
             }
             None => {
-                if let Some(text) = state.troubles.remove(&(sink, kind)) {
+                if let Some(text) = state.troubles.remove(&(receiver, kind)) {
                     tracing::warn!("over: {text}");
                 }
             }
@@ -306,24 +306,25 @@ impl Outbox {
         std::mem::take(&mut self.state().alarms)
     }
 
-    /// How it stands with each sink but standard output.
-    pub(crate) fn statuses(&self) -> Vec<SinkStatus> {
+    /// How it stands with each receiver but standard output.
+    pub(crate) fn statuses(&self) -> Vec<ReceiverStatus> {
         let state = self.state();
         let now_ns = now_ns();
-        let of = |sink: Sink| {
-            let (count, oldest) = (state.owed(sink).count(), state.owed(sink).next());
+        let of = |receiver: Receiver| {
+            let (count, oldest) = (state.owed(receiver).count(), state.owed(receiver).next());
             let age_ns = oldest.map_or(0, |oldest| now_ns.saturating_sub(oldest.note.at_ns));
             let late = (age_ns > LATE_AFTER_NS).then(|| {
                 format!(
                     "{}: {count} verdicts are not acknowledged, the oldest for {} s",
-                    sink.name(),
+                    receiver.name(),
                     age_ns / 1_000_000_000
                 )
             });
-            let trouble = state.troubles.iter().find(|((of, _), _)| *of == sink).map(|(_, text)| text.clone()).or(late);
-            SinkStatus { name: sink.name().to_owned(), waiting: count as u64, trouble }
+            let trouble =
+                state.troubles.iter().find(|((of, _), _)| *of == receiver).map(|(_, text)| text.clone()).or(late);
+            ReceiverStatus { name: receiver.name().to_owned(), waiting: count as u64, trouble }
         };
-        self.sinks.iter().filter(|sink| **sink != Sink::Print).map(|&sink| of(sink)).collect()
+        self.receivers.iter().filter(|receiver| **receiver != Receiver::Print).map(|&receiver| of(receiver)).collect()
     }
 
     /// What cannot be reported.
@@ -343,9 +344,9 @@ impl Outbox {
 }
 
 impl State {
-    /// The verdicts that `sink` is to be sent, the oldest first.
-    fn owed(&self, sink: Sink) -> impl Iterator<Item = &Waiting> {
-        self.waiting.values().filter(move |waiting| !waiting.is_unreadable && waiting.owed.contains(&sink))
+    /// The verdicts that `receiver` is to be sent, the oldest first.
+    fn owed(&self, receiver: Receiver) -> impl Iterator<Item = &Waiting> {
+        self.waiting.values().filter(move |waiting| !waiting.is_unreadable && waiting.owed.contains(&receiver))
     }
 
     fn alarm(&mut self, text: String) {

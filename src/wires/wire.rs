@@ -11,7 +11,7 @@ use tokio::net::TcpStream;
 use tokio::sync::watch;
 
 use crate::wires::now::Now;
-use crate::wires::outbox::{Outbox, Sink};
+use crate::wires::outbox::{Outbox, Receiver};
 
 /// How often a wire looks for something new, if it is not woken before.
 pub(super) const LOOK_EVERY: Duration = Duration::from_millis(200);
@@ -66,13 +66,13 @@ pub(super) struct Wire {
 }
 
 impl Wire {
-    /// Has a thread of its own do the work for `sink` that `prepare` returns.
-    pub(super) fn start<W, F>(sink: Sink, plant: &Plant, prepare: impl FnOnce() -> Result<W>) -> Result<Self>
+    /// Has a thread of its own do the work for `receiver` that `prepare` returns.
+    pub(super) fn start<W, F>(receiver: Receiver, plant: &Plant, prepare: impl FnOnce() -> Result<W>) -> Result<Self>
     where
         W: FnOnce(News) -> F + Send + 'static,
         F: Future<Output = Result<()>>,
     {
-        let name = sink.name();
+        let name = receiver.name();
         let (wake, count) = watch::channel(0);
         plant.outbox.wake_by(Box::new(move || wake.send_modify(|count| *count += 1)));
         let (end, ending) = watch::channel(());
@@ -88,7 +88,7 @@ impl Wire {
             if let Err(error) = runtime.block_on(work(news)) {
                 let text = format!("{name}: verdicts are not reported any more: {error:#}");
                 tracing::error!("{text}");
-                outbox.set_trouble(sink, "ended", Some(text));
+                outbox.set_trouble(receiver, "ended", Some(text));
             }
             runtime.shutdown_timeout(END_WITHIN);
         };

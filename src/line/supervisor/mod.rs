@@ -340,7 +340,7 @@ impl<'a> Supervisor<'a> {
         self.shown.taps_per_s = self.rate.taps_per_s();
         if let Some(wires) = &self.audience.wires {
             wires.show(&self.shown.stations);
-            self.shown.sinks = wires.statuses();
+            self.shown.receivers = wires.statuses();
         }
         self.shown.troubles = self.troubles();
         self.shown.at_ns = now_ns();
@@ -362,8 +362,8 @@ impl<'a> Supervisor<'a> {
         ];
         let of_line = of_line.into_iter().filter(|(is_so, _)| *is_so).map(|(_, text)| text.to_owned());
         let of_wires = self.audience.wires.as_ref().and_then(Wires::trouble);
-        let of_sinks = self.shown.sinks.iter().filter_map(|sink| sink.trouble.clone());
-        of_line.chain(self.stages.troubles()).chain(of_wires).chain(of_sinks).collect()
+        let of_receivers = self.shown.receivers.iter().filter_map(|receiver| receiver.trouble.clone());
+        of_line.chain(self.stages.troubles()).chain(of_wires).chain(of_receivers).collect()
     }
 
     fn into_pace(self) -> Pace {

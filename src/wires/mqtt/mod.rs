@@ -24,7 +24,7 @@ use crate::config::wires::MqttConfig;
 use crate::wires::message;
 use crate::wires::mqtt::client::{Client, Connection, Message, Receipt};
 use crate::wires::now::StationState;
-use crate::wires::outbox::Sink;
+use crate::wires::outbox::Receiver;
 use crate::wires::wire::{News, Plant, Wire};
 
 /// How often what stands at a station is published, if it does not change.
@@ -60,7 +60,7 @@ pub(super) fn start(config: &MqttConfig, plant: &Plant) -> Result<Wire> {
         user: user.context("line.mqtt.credentials_file")?,
     };
     let (config, plant_of_wire) = (config.clone(), plant.clone());
-    Wire::start(Sink::Mqtt, plant, || Ok(move |news| publish(client, config, plant_of_wire, news)))
+    Wire::start(Receiver::Mqtt, plant, || Ok(move |news| publish(client, config, plant_of_wire, news)))
 }
 
 /// Publishes until the wire ends, each station over its own connections.
@@ -169,7 +169,7 @@ impl Lane {
         self.set_trouble(NO_CONNECTION, None);
         let outbox = Arc::clone(&self.plant.outbox);
         let mut trouble = None;
-        while let Some(note) = outbox.next(Sink::Mqtt, Some(self.station)) {
+        while let Some(note) = outbox.next(Receiver::Mqtt, Some(self.station)) {
             let Some(verdict) = outbox.read(&note) else { continue };
             let topic = format!("{}/verdict", self.topic);
             let payload = message::verdict(&verdict);
@@ -180,7 +180,7 @@ impl Lane {
                 self.tell_at = Instant::now() + TELL_AGAIN_AFTER;
                 break;
             }
-            outbox.acknowledge(Sink::Mqtt, note.number);
+            outbox.acknowledge(Receiver::Mqtt, note.number);
             // However many wait, the station shows what stands now.
             self.show(connection).await?;
         }
@@ -202,6 +202,6 @@ impl Lane {
             None => drop(troubles.remove(&(kind, self.station))),
         }
         let first = troubles.iter().find(|((of, _), _)| *of == kind).map(|(_, text)| text.clone());
-        self.plant.outbox.set_trouble(Sink::Mqtt, kind, first);
+        self.plant.outbox.set_trouble(Receiver::Mqtt, kind, first);
     }
 }

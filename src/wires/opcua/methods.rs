@@ -9,7 +9,7 @@ use crate::shown::verdict::CasingVerdict;
 use crate::wires::opcua::names::{Namespaces, id};
 use crate::wires::opcua::nodes::add_method;
 use crate::wires::opcua::result::result;
-use crate::wires::outbox::Sink;
+use crate::wires::outbox::Receiver;
 use crate::wires::wire::Plant;
 
 /// Errors that methods return, below 0 as those of an application must be.
@@ -67,7 +67,7 @@ fn answer(verdict: Option<&CasingVerdict>) -> Vec<Variant> {
 /// A verdict that waits to be acknowledged, or the latest one.
 fn result_by_id(plant: &Plant, arguments: &[Variant]) -> Answer {
     let [Variant::String(id), ..] = arguments else { return Err(StatusCode::BadInvalidArgument) };
-    let waiting = number_of(id).and_then(|number| plant.outbox.find(Sink::OpcUa, number));
+    let waiting = number_of(id).and_then(|number| plant.outbox.find(Receiver::OpcUa, number));
     let verdict = match waiting {
         Some(note) => plant.outbox.read(&note),
         None => plant.now.latest().filter(|latest| latest.id == id.as_ref()),
@@ -90,7 +90,7 @@ fn waiting_ids(plant: &Plant, arguments: &[Variant]) -> Answer {
         Variant::UInt32(most) => LISTED_MAX.min(*most as usize),
         _ => return Err(StatusCode::BadInvalidArgument),
     };
-    answer(plant.outbox.ids(Sink::OpcUa, most), 0)
+    answer(plant.outbox.ids(Receiver::OpcUa, most), 0)
 }
 
 fn is_empty_list(list: &Variant) -> bool {
@@ -125,7 +125,8 @@ fn acknowledge(plant: &Plant, arguments: &[Variant]) -> Answer {
         return Err(StatusCode::BadTooManyOperations);
     }
     let outbox = Arc::clone(&plant.outbox);
-    let is_acknowledged = |id: &&UAString| number_of(id).is_some_and(|number| outbox.acknowledge(Sink::OpcUa, number));
+    let is_acknowledged =
+        |id: &&UAString| number_of(id).is_some_and(|number| outbox.acknowledge(Receiver::OpcUa, number));
     let errors: Vec<i32> = ids.iter().map(|id| if is_acknowledged(id) { 0 } else { UNKNOWN }).collect();
     match errors.iter().find(|&&error| error != 0) {
         None => Ok(vec![Vec::<i32>::new().into(), 0_i32.into()]),

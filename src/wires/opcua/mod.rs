@@ -29,7 +29,7 @@ use crate::shown::verdict::CasingVerdict;
 use crate::wires::now::StationState;
 use crate::wires::opcua::names::{LINE_NAMESPACE, Namespaces, RESULT_NAMESPACE};
 use crate::wires::opcua::result::{ResultReady, evaluation, result};
-use crate::wires::outbox::Sink;
+use crate::wires::outbox::Receiver;
 use crate::wires::wire::{News, Plant, Wire};
 
 /// Most clients at once.
@@ -61,7 +61,7 @@ pub(super) fn start(config: &OpcUaConfig, plant: &Plant) -> Result<(Wire, String
     // Without certificates the server makes their folder all the same.
     let scratch = tempfile::tempdir().context("cannot make a folder for the OPC UA server")?;
     let builder = builder(address, config.pki_folder.as_deref(), user, scratch.path())?;
-    let wire = Wire::start(Sink::OpcUa, plant, || {
+    let wire = Wire::start(Receiver::OpcUa, plant, || {
         let (prepared, plant) = (prepare(builder, plant)?, plant.clone());
         Ok(move |news| async move {
             let _until_the_end = scratch;
@@ -168,7 +168,7 @@ async fn serve(listener: std::net::TcpListener, prepared: Prepared, plant: Plant
     let tell = async {
         let mut newest = plant.outbox.newest();
         while news.next().await {
-            for note in plant.outbox.newer(Sink::OpcUa, newest) {
+            for note in plant.outbox.newer(Receiver::OpcUa, newest) {
                 newest = Some((note.at_ns, note.number));
                 if let Some(verdict) = plant.outbox.read(&note) {
                     notify(&handle, namespaces, &verdict);

@@ -35,11 +35,11 @@ fn every_verdict_arrives_although_the_broker_is_killed() {
         printed.extend(line.verdicts(2));
         until("it is reported", || {
             let status = status(&sandbox);
-            status["troubles"].to_string().contains("mqtt: no connection to") && status["sinks"][0]["waiting"] != 0
+            status["troubles"].to_string().contains("mqtt: no connection to") && status["receivers"][0]["waiting"] != 0
         });
         assert!(!unreported(&sandbox).is_empty());
         broker.restart();
-        until("it is connected again", || status(&sandbox)["sinks"][0]["trouble"].is_null());
+        until("it is connected again", || status(&sandbox)["receivers"][0]["trouble"].is_null());
     }
     let done = line.interrupt().expect(0);
     let logged =
@@ -203,7 +203,7 @@ fn a_verdict_waits_for_a_subscriber() {
     let health = ask(&address, "/healthz", "");
     assert!(health.code == 503 && health.body.contains(word), "{health:?}");
     let metrics = ask(&address, "/metrics", "").body;
-    assert!(metrics.contains("\ntapline_verdicts_waiting{sink=\"mqtt\"} 2"), "{metrics}");
+    assert!(metrics.contains("\ntapline_verdicts_waiting{receiver=\"mqtt\"} 2"), "{metrics}");
     assert!(sandbox.run("status --out out").expect(0).out.contains("wait to be acknowledged: mqtt 2"));
     // Two more attempts, of which the log says nothing.
     std::thread::sleep(std::time::Duration::from_millis(2500));

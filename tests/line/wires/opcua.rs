@@ -93,7 +93,7 @@ fn results_are_offered_until_they_are_acknowledged() {
     assert_eq!(by_id(&told), printed);
     assert_eq!(next(&mut client, "latest")["latest"], Value::Null, "the line has just started");
     until("nothing is left to report", || unreported(&sandbox).is_empty());
-    until("nothing waits", || status(&sandbox)["sinks"][0]["waiting"] == 0);
+    until("nothing waits", || status(&sandbox)["receivers"][0]["waiting"] == 0);
     line.interrupt().expect(0);
 }
 
