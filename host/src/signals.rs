@@ -17,11 +17,14 @@ use signal_hook::iterator::Signals;
 use signal_hook::low_level::emulate_default_handler;
 
 /// Removes the drafts of the process that becomes this shell, then ends it by the signal that is its first word. The folders follow.
-/// A draft is called `NAME.PID.new`, or `NAME.PID-RANDOM.new`. Process 1 of a container does not end by a signal of its own; it exits
+/// A draft is called `NAME.PID.new`, or `NAME.PID-RANDOM.new` with six characters. A second signal is ignored meanwhile, but for one
+/// that comes in the millisecond before the shell has begun. Process 1 of a container does not end by a signal of its own; it exits
 /// with the number that shells give such an end.
-const END: &str = r#"for folder; do
-  for name in '*' '.*'; do rm -rf -- "$folder"/$name.$$.new "$folder"/$name.$$-*.new; done
+const END: &str = r#"trap '' INT TERM
+for folder; do
+  for name in '*' '.*'; do rm -rf -- "$folder"/$name.$$.new "$folder"/$name.$$-[!.][!.][!.][!.][!.][!.].new; done
 done
+trap - INT TERM
 kill -"$0" $$
 exit $((128 + $0))"#;
 
@@ -83,8 +86,8 @@ mod tests {
         let beside = folder.path().join("beside one with a space");
         let begin = r#"
             mkdir "$1" "$0/taps.$$.new" "$0/taps.$$.new/T1"
-            touch "$0/a.csv.$$.new" "$0/.b.$$.new" "$0/taps.$$.new/T1/taps.csv" "$1/SIM-1.h5.$$-x9.new" "$1/x.$$-a.new.$$-b.new"
-            touch "$0/a.csv" "$0/a.$$" "$0/a.new" "$0/$$.new" "$0/a.csv.$$0.new" "$0/a.csv.$$.newer" "$1/a.csv.1-$$.new"
+            touch "$0/a.csv.$$.new" "$0/.b.$$.new" "$0/taps.$$.new/T1/taps.csv" "$1/SIM-1.h5.$$-x9Yz0A.new" "$1/x.$$-aaaaaa.new.$$-bbbbbb.new"
+            touch "$0/a.csv" "$0/a.$$" "$0/a.new" "$0/$$.new" "$0/a.csv.$$0.new" "$0/a.csv.$$.newer" "$1/a.csv.1-$$.new" "$1/x.$$-07.h5.1-abcdef.new"
             exec sh -c "$2" 15 "$0" "$1""#;
         let mut shell = Command::new("/bin/sh");
         let ended = shell.args(["-c", begin]).arg(folder.path()).arg(&beside).arg(END).status().unwrap();
@@ -92,8 +95,8 @@ mod tests {
         let count = |path: &Path| fs::read_dir(path).unwrap().count();
         assert_eq!(
             (count(folder.path()), count(&beside)),
-            (7, 1),
-            "6 files and the folder beside stay, and 1 file in it"
+            (7, 2),
+            "6 files and the folder beside stay, and 2 files in it"
         );
     }
 }

@@ -54,9 +54,10 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
     } else {
         setup.check_machine()?;
         say_unsupported(&job)?;
+        let stop = stop_at_signals()?;
         let progress = scanning(listed.tap_count, &job.out);
         let audience = Audience { progress, wires: None, as_json: args.json, show: None };
-        operate(&setup, &mut folder, audience, Some(listed.names.len()), stop_at_signals()?)?
+        operate(&setup, &mut folder, audience, Some(listed.names.len()), stop)?
     };
     drop(folder);
     summarise(&job, &setup, &listed.names, pace, args.json)
@@ -99,11 +100,11 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     folder.clear_left(GONE_WITHIN)?;
     setup.check_machine()?;
     say_unsupported(&job)?;
+    // Before anything is told: a line that is asked to stop from here on stops in good order.
+    let stop = stop_at_signals()?;
     let progress = Progress::new(None, Unit::Things("taps"));
     progress.print(&format!("waiting for casings; results go into {}", job.out.display()));
     shown_at.iter().for_each(|address| progress.print(&format!("the line is shown at {address}")));
-    // Before anything is told: a line that is asked to stop from here on stops in good order.
-    let stop = stop_at_signals()?;
     folder.make_unreported()?;
     let (wires, said) = Wires::start(&job.config.line, &setup.limits.stations, &setup.places())?;
     said.iter().for_each(|text| progress.print(text));

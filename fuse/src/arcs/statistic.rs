@@ -328,6 +328,21 @@ mod tests {
     }
 
     #[test]
+    fn of_equal_arcs_the_first_and_shortest_is_the_strongest() {
+        // Catches marks that wander with the order of a search: two places alike, and two neighbours as strong as one.
+        let mut values = vec![0.0; 60];
+        (values[20], values[40]) = (4.0, 4.0);
+        values[21] = 4.0 * (2.0_f64.sqrt() - 1.0);
+        let statistic = ArcStatistic::fit(vec![0], &[], false);
+        let found =
+            statistic.strongest(&ring(60, Geometry::Ring), &statistic.maps(&scores(vec![values.clone()]).by_offset));
+        assert_eq!(found.map(|arc| (arc.start, arc.length)), Some((20, 1)));
+        values[21] = 0.0;
+        let found = statistic.strongest(&ring(60, Geometry::Ring), &statistic.maps(&scores(vec![values]).by_offset));
+        assert_eq!(found.map(|arc| (arc.start, arc.length)), Some((20, 1)));
+    }
+
+    #[test]
     fn a_crack_that_one_offset_sees_is_not_thinned_out() {
         // Catches a mean over all offsets: six places at the belt edge alone.
         let mut by_offset = vec![vec![0.0; 60]; 4];

@@ -129,8 +129,8 @@ impl Scatter {
         self.covariance[d][d].sqrt()
     }
 
-    /// `scores` as values that are independent on sound places, each of variance 1: but for [`crate::evidence::ROUNDING`], their length is not less than
-    /// the evidence. NaN where any that counts is absent.
+    /// `scores` as values that are independent on sound places, each of variance 1: their length is not less than the evidence, but for
+    /// [`crate::evidence::ROUNDING`]. NaN where any that counts is absent.
     pub(crate) fn whitened(&self, scores: &Vector) -> Vector {
         // Whole columns, so that the compiler can use vectors.
         let mut white = [0.0; WIDTH];

@@ -101,7 +101,8 @@ impl Scatter {
         for _ in 0..WIDTH {
             let best = self.solved(scores, is_free);
             let falls = |d: &usize| is_free[*d] && best[*d] <= 0.0;
-            let step = |d: usize| w[d] / (w[d] - best[d]);
+            // At 0 already: it stays there, and none of the others moves.
+            let step = |d: usize| if w[d] > 0.0 { w[d] / (w[d] - best[d]) } else { 0.0 };
             let Some(step) = self.used().filter(falls).map(step).min_by(f64::total_cmp) else {
                 *w = best;
                 return;
@@ -110,7 +111,7 @@ impl Scatter {
                 w[d] += step * (best[d] - w[d]);
             }
             for &d in &self.used {
-                if is_free[d] && w[d] <= 1e-12 * best[d].abs() {
+                if is_free[d] && best[d] <= 0.0 && w[d] <= 1e-12 * best[d].abs() {
                     (is_free[d], w[d]) = (false, 0.0);
                 }
             }
@@ -211,6 +212,19 @@ mod tests {
         assert!(scatter.evidence(&vector(&[1.0, 1.0])) > 4.0);
         // Nor does one that falls count against one that rises.
         assert!(scatter.evidence(&vector(&[3.0, -6.0])) >= 3.0);
+    }
+
+    #[test]
+    fn a_weight_of_exactly_0_is_no_hole() {
+        // Catches a step of 0 / 0, which continuous scores do not show: the best weight of the first score is 0.
+        for (correlation, variance, z, expected) in
+            [(1.0, 2.0, [1.0, 2.0], 2.0_f64.sqrt()), (0.5, 1.0, [2.25, 4.5], 4.5)]
+        {
+            let matrix = [[1.0, correlation], [correlation, variance]];
+            let scatter = Scatter::new(&Mat::from_fn(2, 2, |i, j| matrix[i][j]));
+            let found = scatter.evidence(&vector(&z));
+            assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+        }
     }
 
     #[test]
