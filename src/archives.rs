@@ -290,7 +290,11 @@ mod tests {
         let refusal = |which| Archives::find(&[folder.path()], which).unwrap_err().to_string();
         assert!(refusal(Which::Casings).ends_with("has no finished archive (NAME.h5)"), "{}", refusal(Which::Casings));
         make(folder.path(), &["open/D.17.h5"]);
-        assert!(refusal(Which::Casings).ends_with("; 1 is not finished: open has it"), "{}", refusal(Which::Casings));
+        assert!(
+            refusal(Which::Casings).ends_with("; 1 is not finished (`tapline verify` names it)"),
+            "{}",
+            refusal(Which::Casings)
+        );
         assert!(refusal(Which::Results).contains("no results"), "{}", refusal(Which::Results));
         // A check reports what is not finished.
         assert_eq!(Archives::find(&[folder.path()], Which::All).unwrap().unfinished.len(), 1);
