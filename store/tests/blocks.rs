@@ -53,11 +53,17 @@ fn blocks_come_back() {
             let whole: Vec<u8> = counts.iter().copied().flat_map(i16::to_le_bytes).collect();
             assert_eq!(taps.read(row, &mut room).unwrap().unwrap().1.as_bytes(), whole);
             for used in [1, 4000, 4096, 4097, 6000] {
-                let (header, samples) = taps.read_beginning(row, |_| used, &mut room).unwrap().unwrap();
+                // A buffer that has nothing, so that nothing of an earlier reading is taken for this one.
+                let mut empty = ReadBuffer::default();
+                let (header, samples) = taps.read_beginning(row, |_| used, &mut empty).unwrap().unwrap();
                 let channels = counts.chunks_exact(LONG_SAMPLE_COUNT as usize);
                 let expected: Vec<u8> =
                     channels.flat_map(|of_one| &of_one[..used as usize]).flat_map(|x| x.to_le_bytes()).collect();
                 assert_eq!((header.sample_count, samples.as_bytes()), (used, &expected[..]));
+                // One that has the other tap.
+                taps.read(1 - row, &mut room).unwrap().unwrap();
+                let (_, samples) = taps.read_beginning(row, |_| used, &mut room).unwrap().unwrap();
+                assert_eq!(samples.as_bytes(), expected);
             }
         }
         let problems = verify(&path).unwrap().problems;

@@ -23,8 +23,10 @@ use crate::task::Task;
 /// The files of partitions, and what is done with each: a table whose rows come of that.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FilesTable {
-    pub(crate) task: Task,
-    pub(crate) partitions: Vec<Vec<CasingFile>>,
+    /// What is done with each file.
+    pub task: Task,
+    /// The files, by partition.
+    pub partitions: Vec<Vec<CasingFile>>,
 }
 
 impl FilesTable {
