@@ -1,10 +1,14 @@
 //! How far a vector of scores stands out in the direction of damage.
 //!
-//! Damage raises some discriminators and leaves others as they are, and nobody knows beforehand which. So the evidence is that
-//! of the weighted sum that shows most: the greatest w'z / sqrt(w'Sw) over all weights w >= 0, where z are the scores and S is
-//! their covariance on sound places (Roy's union-intersection principle, 1953). S takes away what a place that is only softer
-//! than others moves together, and no weight is below 0: a discriminator that moves the wrong way does not count against the
-//! others.
+//! Damage raises some discriminators and leaves others as they are, and nobody knows beforehand which. With z the scores, S their
+//! covariance on sound places and w the weights of a sum, the evidence is the greatest w'z / sqrt(w'Sw) over two sets of w:
+//!
+//! - w >= 0 (Roy's union-intersection principle, 1953): the scores as they are. A discriminator that moves the wrong way does not
+//!   count against the others.
+//! - Sw >= 0 (the likelihood ratio of a shift that is nowhere below 0; Kudo 1963): each score beside what the others let expect of a
+//!   sound place. A crack in a stiff place leaves some scores where they are that should have fallen.
+//!
+//! In both, S takes away what a place that is only softer than others moves together.
 
 mod covariance;
 mod scatter;

@@ -1,5 +1,6 @@
 //! How scores of sound places scatter together.
 
+mod orthant;
 mod weights;
 
 use faer::Mat;
@@ -12,18 +13,27 @@ use crate::evidence::{ABSENT, Vector, WIDTH};
 /// A variance at or below this is rounding: that of what counts is near 1.
 const VARIANCE_MIN: f64 = 1e-12;
 
+/// The part of each discriminator's variance that is taken to be its own, whatever the reference shows. What two of them hardly ever do
+/// apart, a rogue tap does: without this part one would stand out by it. By less, sound shoulders of rough casings are called more often
+/// than is stated; by more, more faint cracks pass (`docs/rates.md`).
+const UNRELATED: f64 = 0.1;
+
+/// One row and column a discriminator.
+type Square = [Vector; WIDTH];
+
 /// How scores of sound places scatter together.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Scatter {
-    covariance: [[f64; WIDTH]; WIDTH],
+    covariance: Square,
     /// Lower triangle whose product with itself is the covariance.
-    factor: [[f64; WIDTH]; WIDTH],
+    factor: Square,
     /// The columns of the factor's inverse, 0 where nothing varies.
-    whitening: [[f64; WIDTH]; WIDTH],
+    whitening: Square,
     /// The inverse of the covariance of those that vary, 0 elsewhere.
-    precision: [[f64; WIDTH]; WIDTH],
-    /// 1 over its diagonal, 0 elsewhere.
-    inverse_diagonal: Vector,
+    precision: Square,
+    /// 1 over the diagonals of the two, 0 elsewhere.
+    covariance_steps: Vector,
+    precision_steps: Vector,
     /// Those that vary.
     used: Vec<usize>,
 }
@@ -46,11 +56,10 @@ impl Scatter {
             for &j in self.used.iter().take_while(|&&j| j <= i) {
                 let before: f64 = (0..j).map(|k| self.factor[i][k] * self.factor[j][k]).sum();
                 let rest = self.covariance[i][j] - before;
-                self.factor[i][j] = match i == j {
-                    true if rest > 0.0 => rest.sqrt(),
-                    false if self.factor[j][j] > 0.0 => rest / self.factor[j][j],
-                    _ => 0.0,
-                };
+                // What follows from the others does not vary less than rounding lets it.
+                let least = VARIANCE_MIN * self.covariance[i][i];
+                self.factor[i][j] =
+                    if i > j { rest / self.factor[j][j] } else { (if rest > least { rest } else { least }).sqrt() };
             }
         }
         // Column by column: what the factor makes 1 in its place and 0 elsewhere.
@@ -62,12 +71,13 @@ impl Scatter {
         }
         for (i, j) in pairs(&self.used) {
             self.precision[i][j] = (0..WIDTH).map(|k| self.whitening[i][k] * self.whitening[j][k]).sum();
-            self.inverse_diagonal[i] = 1.0 / self.precision[i][i];
+            self.precision_steps[i] = 1.0 / self.precision[i][i];
+            self.covariance_steps[i] = 1.0 / self.covariance[i][i];
         }
     }
 
-    /// Of the scores of sound places, shrunk as far as they are few (Ledoit and Wolf). What most places lack does not count;
-    /// places that lack any of the rest teach nothing.
+    /// Of the scores of sound places, shrunk as far as they are few (Ledoit and Wolf), and by [`UNRELATED`]. What most places lack does
+    /// not count; places that lack any of the rest teach nothing.
     pub(crate) fn of(places: impl Iterator<Item = Vector>) -> Self {
         let places: Vec<Vector> = places.collect();
         let has_most = |d: &usize| 2 * places.iter().filter(|place| place[*d].is_finite()).count() > places.len();
@@ -78,7 +88,8 @@ impl Scatter {
         let mut matrix = Mat::zeros(WIDTH, WIDTH);
         let varies = |&j: &usize| !covariance.is_constant[j];
         for (i, j) in pairs(&(0..columns.len()).filter(varies).collect::<Vec<_>>()) {
-            matrix[(columns[i], columns[j])] = covariance.matrix[(i, j)];
+            let correlated = if i == j { 1.0 } else { 1.0 - UNRELATED };
+            matrix[(columns[i], columns[j])] = correlated * covariance.matrix[(i, j)];
         }
         Self::new(&matrix)
     }
