@@ -151,7 +151,7 @@ impl Cell {
         Ok(())
     }
 
-    /// Writes its lines: counts and areas, why shoulders were not passed, and the discriminators alone.
+    /// Writes its lines: counts and areas, why shoulders were not passed, which cracked ones were, and the discriminators alone.
     pub(crate) fn write(&self, out: &mut impl Write) -> Result<()> {
         let all = self.judged.len();
         let scene = format!("{:?}", self.scene);
@@ -179,6 +179,11 @@ impl Cell {
             .collect();
         if !reasons.is_empty() {
             writeln!(out, "    not passed for: {}", reasons.join(", "))?;
+        }
+        let passed = self.judged.iter().enumerate().filter(|(_, j)| j.verdict == Verdict::Pass.code());
+        let passed: Vec<String> = passed.map(|(number, _)| number.to_string()).collect();
+        if !self.scene.is_sound() && !passed.is_empty() {
+            writeln!(out, "    passed, by number: {}", passed.join(", "))?;
         }
         let mut times: Vec<f64> = self.judged.iter().map(|judged| judged.scan_s).collect();
         times.sort_by(f64::total_cmp);
