@@ -61,9 +61,11 @@ pub fn end_on_signals() -> io::Result<()> {
     let mut signals = Signals::new([SIGTERM, SIGINT])?;
     let end = move || {
         if let Some(signal) = signals.forever().next() {
-            let folders = FOLDERS.lock().unwrap_or_else(PoisonError::into_inner).clone();
+            // Held to the end, so that no draft begins in a folder that the shell is not told of.
+            let folders = FOLDERS.lock().unwrap_or_else(PoisonError::into_inner);
             // It returns only where there is no shell: the drafts then stay.
-            drop(Command::new("/bin/sh").args(["-c", END, &signal.to_string()]).args(folders).exec());
+            drop(Command::new("/bin/sh").args(["-c", END, &signal.to_string()]).args(&*folders).exec());
+            drop(folders);
             // Only a signal that cannot be sent to oneself fails; the program then ends by itself.
             drop(emulate_default_handler(signal));
         }
