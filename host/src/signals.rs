@@ -65,7 +65,6 @@ pub fn end_on_signals() -> io::Result<()> {
             let folders = FOLDERS.lock().unwrap_or_else(PoisonError::into_inner);
             // It returns only where there is no shell: the drafts then stay.
             drop(Command::new("/bin/sh").args(["-c", END, &signal.to_string()]).args(&*folders).exec());
-            drop(folders);
             // Only a signal that cannot be sent to oneself fails; the program then ends by itself.
             drop(emulate_default_handler(signal));
         }

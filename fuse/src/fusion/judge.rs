@@ -303,9 +303,9 @@ impl View<'_> {
         let count = (0..weights.len()).map(|d| sum.count(d)).max()? as usize;
         // An arc that was tapped again in a small part was not asked for.
         let asked = arc.length.min(PLACES_MAX);
-        // The median of the controls is known no better than they are many: its variance is pi/2 that of their mean.
-        let level_variance = std::f64::consts::FRAC_PI_2 * count as f64 / control_count;
-        let value = statistic.of_places().next()?.along(&weights, &sum.over_root()) / (1.0 + level_variance).sqrt();
+        // The median of the controls is known no better than they are many.
+        let of_controls = count as f64 / control_count;
+        let value = statistic.of_places().next()?.along(&weights, &sum.over_root(), of_controls);
         (2 * count >= asked && asked > 0 && !value.is_nan()).then_some(value)
     }
 

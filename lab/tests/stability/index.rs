@@ -103,7 +103,8 @@ fn c23_two_outliers_in_one_discriminator() {
     assert!((of_cracked(&before) - of_cracked(&after)).abs() < 0.3, "{} {}", of_cracked(&before), of_cracked(&after));
 }
 
-/// The mean of the greatest w'z / |w| over w >= 0 for independent normal scores z: the root of the sum of squares of those above 0.
+/// The mean of the greatest w'z / |w| over w >= 0 for independent normal scores z, to which the shifts add nothing: the root of the sum
+/// of squares of those above 0.
 fn evidence_of_noise(width: usize) -> f64 {
     let mut normal = Normal::new(0);
     let of_one = |_| (0..width).map(|_| normal.next()).map(|z| if z > 0.0 { z * z } else { 0.0 }).sum::<f64>().sqrt();

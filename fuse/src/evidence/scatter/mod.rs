@@ -56,10 +56,8 @@ impl Scatter {
             for &j in self.used.iter().take_while(|&&j| j <= i) {
                 let before: f64 = (0..j).map(|k| self.factor[i][k] * self.factor[j][k]).sum();
                 let rest = self.covariance[i][j] - before;
-                // What follows from the others does not vary less than rounding lets it.
-                let least = VARIANCE_MIN * self.covariance[i][i];
                 self.factor[i][j] =
-                    if i > j { rest / self.factor[j][j] } else { (if rest > least { rest } else { least }).sqrt() };
+                    if i > j { rest / self.factor[j][j] } else { root_of_rest(rest, self.covariance[i][i]) };
             }
         }
         // Column by column: what the factor makes 1 in its place and 0 elsewhere.
@@ -162,6 +160,12 @@ impl Scatter {
         }
         drawn
     }
+}
+
+/// The root of what is left of `variance` when others are known. At 1e-12 of it that is rounding: it is never less.
+fn root_of_rest(rest: f64, variance: f64) -> f64 {
+    let least = 1e-12 * variance;
+    (if rest > least { rest } else { least }).sqrt()
 }
 
 fn pairs(of: &[usize]) -> impl Iterator<Item = (usize, usize)> + '_ {

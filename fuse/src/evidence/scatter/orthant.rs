@@ -1,6 +1,6 @@
 //! The greatest x'b / sqrt(x'Mx) over all x that are nowhere below 0.
 
-use crate::evidence::scatter::Square;
+use crate::evidence::scatter::{Square, root_of_rest};
 use crate::evidence::{Vector, WIDTH, dot};
 
 /// How often a bound is lowered along each discriminator.
@@ -110,9 +110,7 @@ impl Orthant<'_> {
             for (j, &of_j) in free[..=i].iter().enumerate() {
                 let before: f64 = (0..j).map(|k| factor[i][k] * factor[j][k]).sum();
                 let rest = self.matrix[of_i][of_j] - before;
-                let least = 1e-12 * self.matrix[of_i][of_i];
-                factor[i][j] =
-                    if i > j { rest / factor[j][j] } else { (if rest > least { rest } else { least }).sqrt() };
+                factor[i][j] = if i > j { rest / factor[j][j] } else { root_of_rest(rest, self.matrix[of_i][of_i]) };
             }
             let before: f64 = (0..i).map(|k| factor[i][k] * x[k]).sum();
             x[i] = (self.b[of_i] - before) / factor[i][i];

@@ -3,8 +3,8 @@
 use std::borrow::Cow;
 
 use crate::evidence::scatter::orthant::Orthant;
-use crate::evidence::scatter::{Scatter, pairs};
-use crate::evidence::{ROUNDING, Vector, WIDTH};
+use crate::evidence::scatter::{Scatter, Square, pairs};
+use crate::evidence::{ROUNDING, Vector, WIDTH, dot};
 
 impl Scatter {
     /// How many standard deviations `scores` stand out in the direction of damage; NaN of none.
@@ -14,9 +14,10 @@ impl Scatter {
 
     /// The evidence of `scores` if it is above `least`; mostly faster than to compute it and compare.
     pub(crate) fn evidence_above(&self, least: f64, scores: &Vector) -> Option<f64> {
-        let limit = if least > 0.0 { least * least * (1.0 - ROUNDING) } else { 0.0 };
-        let of_orthant =
-            |orthant: Orthant<'_>| if orthant.is_bounded_by(limit) { f64::NEG_INFINITY } else { orthant.greatest() };
+        let limit = least * least * (1.0 - ROUNDING);
+        let of_orthant = |orthant: Orthant<'_>| {
+            if least > 0.0 && orthant.is_bounded_by(limit) { f64::NEG_INFINITY } else { orthant.greatest() }
+        };
         Some(greater(self.there(scores).orthants(scores).map(of_orthant))).filter(|evidence| *evidence > least)
     }
 
@@ -24,19 +25,33 @@ impl Scatter {
     pub(crate) fn weights(&self, scores: &Vector) -> Vector {
         let there = self.there(scores);
         let [by_weights, by_shifts] = there.orthants(scores);
-        if by_weights.greatest() >= by_shifts.greatest() {
-            return by_weights.descend();
+        let (weights, shifts) = (by_weights.descend(), by_shifts.descend());
+        if dot(&weights, &by_weights.b) >= dot(&shifts, &by_shifts.b) {
+            return weights;
         }
-        times(&there.precision, &by_shifts.descend())
+        times(&there.precision, &shifts)
     }
 
     /// How many standard deviations `scores` stand out by `weights` that were chosen without them; NaN where they lack what
-    /// counts.
-    pub(crate) fn along(&self, weights: &Vector, scores: &Vector) -> f64 {
-        let there = self.used.iter().copied().filter(|&d| scores[d].is_finite() && weights[d] != 0.0);
-        let there: Vec<usize> = there.collect();
-        let variance: f64 = pairs(&there).map(|(i, j)| weights[i] * self.covariance[i][j] * weights[j]).sum();
-        there.iter().map(|&d| weights[d] * scores[d]).sum::<f64>() / variance.sqrt()
+    /// counts. Of what they lack in part, the others count as they would had the weights been chosen of them alone.
+    ///
+    /// The scores are about medians of controls, of which there are 1 over `of_controls`, in places.
+    pub(crate) fn along(&self, weights: &Vector, scores: &Vector, of_controls: f64) -> f64 {
+        let there = self.there(scores);
+        // What the weights look for: S^-1 of this are the weights. Beside the greatest shift a small one is rounding.
+        let mut shift = times(&self.covariance, weights);
+        let least = ROUNDING * shift.iter().fold(0.0, |most, x: &f64| if x.abs() > most { x.abs() } else { most });
+        let counts: [bool; WIDTH] = std::array::from_fn(|d| shift[d].abs() > least && there.used.contains(&d));
+        shift.iter_mut().zip(counts).filter(|(_, counts)| !counts).for_each(|(shift, _)| *shift = 0.0);
+        let weights = times(&there.precision, &shift);
+        let sum: f64 = there.used().map(|d| weights[d] * scores[d]).sum();
+        let variance = |(i, j): (usize, usize)| {
+            let (of_both, deviations) = (there.covariance[i][j], there.deviation(i) * there.deviation(j));
+            // Medians of two normal scores with the correlation r have the covariance asin r, where means have r.
+            let of_medians = deviations * (of_both / deviations).clamp(-1.0, 1.0).asin();
+            weights[i] * weights[j] * (of_both + of_controls * of_medians)
+        };
+        sum / pairs(&there.used).map(variance).sum::<f64>().sqrt()
     }
 
     /// The scatter of those that `scores` have.
@@ -72,7 +87,7 @@ fn greater([a, b]: [f64; 2]) -> f64 {
 }
 
 /// The product of a symmetric matrix and a vector.
-fn times(matrix: &[Vector; WIDTH], vector: &Vector) -> Vector {
+fn times(matrix: &Square, vector: &Vector) -> Vector {
     // Whole columns, so that the compiler can use vectors.
     let mut product = [0.0; WIDTH];
     for (column, x) in matrix.iter().zip(vector) {
@@ -86,6 +101,8 @@ mod tests {
     use faer::linalg::solvers::DenseSolveCore as _;
     use faer::{Mat, Side};
     use proptest::prelude::*;
+    use rand::SeedableRng as _;
+    use rand_chacha::ChaCha8Rng;
 
     use super::*;
     use crate::evidence::ABSENT;
@@ -140,7 +157,7 @@ mod tests {
             let found = scatter.evidence(&z);
             prop_assert!((found - expected).abs() < 1e-6 * (1.0 + expected.abs()), "{found} {expected}");
             if found > 0.0 {
-                let along = scatter.along(&scatter.weights(&z), &z);
+                let along = scatter.along(&scatter.weights(&z), &z, 0.0);
                 prop_assert!((along - expected).abs() < 1e-6 * (1.0 + expected), "{along} {expected}");
             }
             prop_assert_eq!(scatter.evidence_above(found - 1e-6, &z), Some(found));
@@ -194,7 +211,37 @@ mod tests {
         assert!((scatter.evidence(&vector(&[-4.0, -8.0])) + 2.0).abs() < 1e-9);
         assert!((scatter.evidence(&vector(&[6.0])) - 3.0).abs() < 1e-9);
         let weights = scatter.weights(&vector(&[2.0, -1.0]));
-        assert!((scatter.along(&weights, &vector(&[-2.0, 7.0])) + 1.0).abs() < 1e-9);
-        assert!(scatter.along(&weights, &vector(&[f64::NAN, 7.0])).is_nan());
+        assert!((scatter.along(&weights, &vector(&[-2.0, 7.0]), 0.0) + 1.0).abs() < 1e-9);
+        assert!(scatter.along(&weights, &vector(&[f64::NAN, 7.0]), 0.0).is_nan());
+    }
+
+    #[test]
+    fn what_is_absent_lets_expect_nothing() {
+        // Catches a 0 in the place of what is absent, and weights of a difference whose other half is gone: a fall is no damage then.
+        let scatter = Scatter::new(&Mat::from_fn(2, 2, |i, j| if i == j { 1.0 } else { 0.9 }));
+        let alone = vector(&[f64::NAN, -2.0]);
+        assert!((scatter.evidence(&alone) + 2.0).abs() < 1e-9);
+        let weights = scatter.weights(&vector(&[0.5, -2.0]));
+        assert!(weights[1] < 0.0 && scatter.along(&weights, &vector(&[0.5, -2.0]), 0.0) > 5.0);
+        assert!(scatter.along(&weights, &vector(&[-3.0, f64::NAN]), 0.0) < 0.0);
+        assert!(scatter.along(&weights, &alone, 0.0).is_nan(), "what remains shifts by nothing");
+    }
+
+    #[test]
+    fn medians_of_controls_move_as_drawn_ones_do() {
+        // Catches a level that moves a difference as little as means would.
+        let scatter = Scatter::new(&Mat::from_fn(2, 2, |i, j| if i == j { 1.0 } else { 0.9 }));
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let mut difference_of_medians = || {
+            let controls: Vec<Vector> = (0..25).map(|_| scatter.draw(&mut rng)).collect();
+            let median =
+                |d: usize| crate::stats::median(&mut controls.iter().map(|c| c[d]).collect::<Vec<_>>()).unwrap();
+            median(0) - median(1)
+        };
+        let drawn = (0..4000).map(|_| difference_of_medians().powi(2)).sum::<f64>() / 4000.0;
+        let weights = vector(&[1.0, -1.0]).map(|w| if w.is_nan() { 0.0 } else { w });
+        let value = |of_controls| scatter.along(&weights, &vector(&[1.0, 0.0]), of_controls);
+        let of_level = value(1.0 / 25.0).powi(-2) - value(0.0).powi(-2);
+        assert!((of_level / drawn - 1.0).abs() < 0.15, "{of_level} {drawn}");
     }
 }
