@@ -191,4 +191,27 @@ mod tests {
             assert!((found - scatter.covariance[i][j]).abs() < 0.05, "{i} {j} {found}");
         }
     }
+
+    #[test]
+    fn what_two_scores_never_did_apart_is_no_certainty() {
+        // Catches a rogue tap that stands out because two discriminators went together in the reference: their difference was 1 in 100
+        // there.
+        let mut state = 1_u32;
+        let mut random = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f64::from(state) / f64::from(u32::MAX) - 0.5
+        };
+        let place = |_| {
+            let (common, apart) = (12.0_f64.sqrt() * random(), 0.02 * random());
+            let mut place = ABSENT;
+            (place[0], place[1]) = (common + apart, common - apart);
+            place
+        };
+        let scatter = Scatter::of((0..2000).map(place).collect::<Vec<_>>().into_iter());
+        let mut rogue = ABSENT;
+        (rogue[0], rogue[1]) = (0.5, -0.5);
+        let evidence = scatter.evidence(&rogue);
+        // By a tenth of its own variance a difference scatters by the root of 0.2.
+        assert!((evidence - 1.0 / 0.2_f64.sqrt()).abs() < 0.1, "{evidence}");
+    }
 }

@@ -239,7 +239,8 @@ mod tests {
             median(0) - median(1)
         };
         let drawn = (0..4000).map(|_| difference_of_medians().powi(2)).sum::<f64>() / 4000.0;
-        let weights = vector(&[1.0, -1.0]).map(|w| if w.is_nan() { 0.0 } else { w });
+        let mut weights = [0.0; WIDTH];
+        (weights[0], weights[1]) = (1.0, -1.0);
         let value = |of_controls| scatter.along(&weights, &vector(&[1.0, 0.0]), of_controls);
         let of_level = value(1.0 / 25.0).powi(-2) - value(0.0).powi(-2);
         assert!((of_level / drawn - 1.0).abs() < 0.15, "{of_level} {drawn}");
