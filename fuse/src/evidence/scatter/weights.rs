@@ -14,11 +14,20 @@ impl Scatter {
 
     /// The evidence of `scores` if it is above `least`; mostly faster than to compute it and compare.
     pub(crate) fn evidence_above(&self, least: f64, scores: &Vector) -> Option<f64> {
+        if least <= 0.0 {
+            return Some(self.evidence(scores)).filter(|evidence| *evidence > least);
+        }
         let limit = least * least * (1.0 - ROUNDING);
-        let of_orthant = |orthant: Orthant<'_>| {
-            if least > 0.0 && orthant.is_bounded_by(limit) { f64::NEG_INFINITY } else { orthant.greatest() }
+        let there = self.there(scores);
+        let orthants = there.orthants(scores);
+        // Over weights of any sign the square is z'S^-1 z, which few arcs bring beyond the limit.
+        if dot(&orthants[0].b, &orthants[1].b) < limit {
+            return None;
+        }
+        let of = |orthant: Orthant<'_>| {
+            if orthant.is_bounded_by(limit) { f64::NEG_INFINITY } else { orthant.greatest() }
         };
-        Some(greater(self.there(scores).orthants(scores).map(of_orthant))).filter(|evidence| *evidence > least)
+        Some(greater(orthants.map(of))).filter(|evidence| *evidence > least)
     }
 
     /// The weights that show most of `scores`; all 0 where nothing speaks for damage.
