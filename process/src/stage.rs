@@ -1,5 +1,6 @@
 //! `process` on a line: one thread that talks to shared memory, and one worker per core that reads samples in place.
 
+use std::collections::VecDeque;
 use std::num::NonZeroUsize;
 use std::thread::{Builder, available_parallelism, scope};
 use std::time::Duration;
@@ -16,6 +17,10 @@ use crate::{Error, ProcessConfig, ProcessExtractor};
 
 /// Most taps that the workers may have at once; fewer than a subscriber may borrow.
 const IN_HAND_MAX: usize = TapTopic::BORROWED - 2;
+
+/// Taps that are not handed to a worker but extracted where they are received: waking a worker takes as long as extracting a
+/// tap, so workers are for taps that come faster than one thread extracts them.
+const FEW: usize = 8;
 
 /// Longest latency that is counted as such; longer ones count as this.
 const LATENCY_MAX_US: u64 = 600_000_000;
@@ -72,7 +77,7 @@ pub fn run(line: &Line, config: &ProcessConfig) -> Result<Outcome, RunError> {
     let mut stage = StageLoop::open(line, config)?;
     let (work, to_do) = bounded(IN_HAND_MAX);
     let (finish, done) = bounded(IN_HAND_MAX);
-    let waker = line.waker()?;
+    let waker = line.waker();
     let outcome = scope(|threads| {
         for k in 0..worker_count {
             let worker = Worker {
@@ -150,7 +155,7 @@ struct StageLoop<'a> {
     line: &'a Line,
     taps: Subscriber<'a, TapTopic>,
     found: Publisher<'a, DiscriminatorTopic>,
-    /// For a tap that comes alone: handing it to a worker would take longer than extracting it.
+    /// For taps of which [`FEW`] wait.
     extractor: ProcessExtractor,
     in_hand: usize,
     tap_count: u64,
@@ -173,6 +178,7 @@ impl<'a> StageLoop<'a> {
     }
 
     fn serve(&mut self, work: &Sender<Received<TapTopic>>, done: &Receiver<Option<Done>>) -> Result<(), RunError> {
+        let mut waiting = VecDeque::with_capacity(IN_HAND_MAX);
         loop {
             let mut is_idle = true;
             while let Ok(result) = done.try_recv() {
@@ -180,17 +186,13 @@ impl<'a> StageLoop<'a> {
                 self.publish(result)?;
                 is_idle = false;
             }
-            // One tap is held back until it is known whether another follows; only the last is extracted here.
-            let mut last = None;
-            while self.in_hand < IN_HAND_MAX {
+            while self.in_hand + waiting.len() < IN_HAND_MAX {
                 let Some(tap) = self.taps.receive()? else { break };
-                is_idle = false;
-                if let Some(before) = last.replace(tap) {
-                    self.handle(before, work, done)?;
-                }
+                waiting.push_back(tap);
             }
-            if let Some(tap) = last {
-                if tap.kind() == Some(RecordKind::Data) {
+            is_idle &= waiting.is_empty();
+            while let Some(tap) = waiting.pop_front() {
+                if tap.kind() == Some(RecordKind::Data) && waiting.len() < FEW {
                     let done = extract(&mut self.extractor, &tap);
                     drop(tap);
                     self.publish(Some(done))?;

@@ -96,7 +96,7 @@ pub(crate) fn stage(args: &StageArgs) -> Result<bool> {
         Some(("acquire", number)) => {
             let number: u16 = number.parse().with_context(|| format!("{} is no stage", args.stage))?;
             let line = join(Role::Acquire(number))?;
-            let waker = line.waker()?;
+            let waker = line.waker();
             let wake: Wake = Arc::new(move || waker.wake());
             let stations = setup.arrivals(&job, number, &wake)?;
             Work::Acquire(tapline_acquire::run(&line, stations, &job.config.acquire)?)

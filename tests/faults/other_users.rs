@@ -29,8 +29,7 @@ impl Ground {
             tapline_testing::skip("nobody can be another user here (it takes root)");
             return None;
         }
-        // The folder of the line is inside it, and needs a short path for sockets.
-        let ground = Self { folder: tempfile::Builder::new().prefix("a").tempdir().unwrap() };
+        let ground = Self { folder: tempfile::tempdir().unwrap() };
         fs::set_permissions(ground.folder.path(), Permissions::from_mode(0o755)).unwrap();
         // Copied by another process. Otherwise a process that is started meanwhile would hold the copy open, and the
         // copy could not be started.

@@ -58,7 +58,7 @@ impl Sandbox {
     pub(crate) fn plain(&self, arguments: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tapline"));
         command.args(arguments.split_whitespace()).current_dir(self.folder.path()).stdin(Stdio::null());
-        // A private folder with a short path, where lines have their folders.
+        // A private folder, where lines have theirs.
         command.env("XDG_RUNTIME_DIR", self.folder.path());
         command
     }

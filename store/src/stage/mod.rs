@@ -147,7 +147,7 @@ impl<'a> StageLoop<'a> {
             proposals: Subscriber::open(line)?,
             settled: Publisher::open(line)?,
             notices: Notices::open(line)?,
-            closer: Closer::start(line.waker()?, run)?,
+            closer: Closer::start(line.waker(), run)?,
             open: Vec::new(),
             is_held: false,
             looked_at: now,

@@ -22,7 +22,7 @@ use crate::stream::folder;
 pub struct LineAddress {
     /// Beginning of the names of its files in `/dev/shm`.
     prefix: String,
-    /// Folder of its other files; short, since socket paths are.
+    /// Folder of its other files.
     root: PathBuf,
 }
 

@@ -15,9 +15,9 @@ pub(crate) const PREFIX: &str = "tapline-";
 /// Digits of a token: 64 random bits in hexadecimal.
 pub(crate) const TOKEN_DIGITS: usize = 16;
 
-/// Longest path of a line's folder, in bytes. The layer's sockets below it must fit the 107 bytes of a socket's address, and
-/// add up to 66 bytes: the prefix, a number (33 digits in a process that makes thousands of ports), and their kind.
-pub(crate) const ROOT_BYTES_MAX: usize = 41;
+/// Longest path of a line's folder, in bytes. The layer's files below it add up to 124 bytes: a node's number, the prefix, a
+/// hash, and their kind; its paths have 255 at most.
+pub(crate) const ROOT_BYTES_MAX: usize = 120;
 
 /// Checks that a file is of this kind, belongs to this user, is closed to others and, unless it is a folder, has no second name.
 pub(crate) fn check_private(path: &Path, stat: &Stat, kind: FileType) -> Result<(), LineError> {
@@ -69,7 +69,7 @@ pub(crate) fn create(base: &Path) -> Result<PathBuf, String> {
         return Err("others may remove what is in it (it is not sticky)".to_owned());
     }
     if base.as_os_str().len() + 1 + PREFIX.len() + TOKEN_DIGITS > ROOT_BYTES_MAX {
-        return Err("its path is too long for sockets".to_owned());
+        return Err(format!("its path has more than {} bytes", ROOT_BYTES_MAX - 1 - PREFIX.len() - TOKEN_DIGITS));
     }
     for _ in 0..16 {
         let mut token = [0_u8; TOKEN_DIGITS / 2];

@@ -7,13 +7,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use iceoryx2::port::listener::{Listener, ListenerWaitError};
-use iceoryx2::port::notifier::Notifier;
 use iceoryx2::prelude::*;
 
 use crate::stream::cleanup::Svc;
 use crate::stream::cleanup::reap;
-use crate::stream::event::{Pending, Signal, Waker, event_service};
+use crate::stream::event::{Mailbox, Signal, Waker};
 use crate::{Limits, LineAddress, LineError, Role};
 
 /// Longest wait before checking whether the process is to end: the request may come just before the wait begins.
@@ -27,9 +25,11 @@ pub struct Line {
     address: LineAddress,
     config: Config,
     node: Node<Svc>,
-    events: Listener<Svc>,
-    pending: RefCell<Pending>,
-    notifiers: RefCell<HashMap<Role, Notifier<Svc>>>,
+    mailbox: Arc<Mailbox>,
+    /// Signals that came before the last wait ended.
+    seen: Cell<u32>,
+    /// Those of the roles that were notified.
+    mailboxes: RefCell<HashMap<Role, Mailbox>>,
     stop: Arc<AtomicBool>,
     next_handshake: Cell<u64>,
     epoch_ns: i64,
@@ -58,11 +58,7 @@ impl Line {
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<Svc>()
             .map_err(|e| LineError::shared(format!("joining the line {} as {name}", address.prefix()), e))?;
-        // The listener comes first: a notification before it exists reaches nobody.
-        let events = event_service(&node, role, limits)?
-            .listener_builder()
-            .create()
-            .map_err(|e| LineError::shared(format!("listening to the events of {name}"), e))?;
+        let mailbox = Arc::new(Mailbox::open(address, role, limits)?);
         let epoch_ns = crate::now_ns();
         Ok(Self {
             role,
@@ -70,9 +66,10 @@ impl Line {
             address: address.clone(),
             config,
             node,
-            events,
-            pending: RefCell::new(Pending::new(limits)),
-            notifiers: RefCell::default(),
+            // What has come for this role already ends the first wait.
+            seen: Cell::new(mailbox.count().wrapping_sub(1)),
+            mailbox,
+            mailboxes: RefCell::default(),
             stop,
             // A later run of this process starts at another number.
             next_handshake: Cell::new(epoch_ns.unsigned_abs() >> 20),
@@ -120,66 +117,39 @@ impl Line {
     /// Waits until something is notified or `timeout` passes, a second at most.
     ///
     /// # Errors
-    /// [`LineError::Shared`] when listening fails.
+    /// [`LineError::File`] when the system refuses.
     pub fn wait(&self, timeout: Duration) -> Result<(), LineError> {
         // A notification that came before this call ends the wait at once.
-        if timeout.is_zero() || self.take(Signal::Data) {
-            self.listen()?;
-        } else {
-            let timeout = timeout.clamp(Duration::from_millis(1), WAIT_MAX);
-            let note = |activation: EventActivation| self.pending.borrow_mut().add(activation.id.as_value());
-            self.listened(self.events.timed_wait(note, timeout).map(|_| ()))?;
+        if !timeout.is_zero() && self.mailbox.count() == self.seen.get() {
+            self.mailbox.sleep(self.seen.get(), timeout.min(WAIT_MAX))?;
         }
+        // In this order, a signal that comes in between counts as a new one.
+        self.seen.set(self.mailbox.count());
         self.take(Signal::Data);
         Ok(())
     }
 
-    /// Notes the notifications until now, without waiting.
-    pub(crate) fn listen(&self) -> Result<(), LineError> {
-        let note = |activation: EventActivation| self.pending.borrow_mut().add(activation.id.as_value());
-        self.listened(self.events.try_wait(note).map(|_| ()))
-    }
-
-    fn listened(&self, listened: Result<(), ListenerWaitError>) -> Result<(), LineError> {
-        match listened {
-            Ok(()) | Err(ListenerWaitError::InterruptSignal) => Ok(()),
-            Err(error) => Err(LineError::shared(format!("listening to the events of {}", self.role.name()), error)),
-        }
-    }
-
     /// Whether `signal` has come since the last call.
     pub fn take(&self, signal: Signal) -> bool {
-        self.pending.borrow_mut().take(signal)
+        self.mailbox.take(signal)
     }
 
-    /// Notifies `role`; a role that has not joined misses nothing by it.
+    /// Notifies `role`; one that has not joined yet finds the signal when it does.
     pub fn notify(&self, role: Role, signal: Signal) {
-        let mut notifiers = self.notifiers.borrow_mut();
-        let notifier = match notifiers.entry(role) {
+        let mut mailboxes = self.mailboxes.borrow_mut();
+        let mailbox = match mailboxes.entry(role) {
             Entry::Occupied(entry) => entry.into_mut(),
-            Entry::Vacant(entry) => match self.notifier(role) {
-                Ok(notifier) => entry.insert(notifier),
+            Entry::Vacant(entry) => match Mailbox::open(&self.address, role, &self.limits) {
+                Ok(mailbox) => entry.insert(mailbox),
                 Err(error) => return tracing::warn!(%error, "cannot notify {}", role.name()),
             },
         };
-        if let Err(error) = notifier.notify_with_custom_event_id(signal.event()) {
-            tracing::debug!(?error, "{} was not notified", role.name());
-        }
+        mailbox.notify(signal);
     }
 
     /// A handle by which worker threads wake this process.
-    ///
-    /// # Errors
-    /// [`LineError::Shared`] when its own events cannot be reached.
-    pub fn waker(&self) -> Result<Waker, LineError> {
-        self.notifier(self.role).map(|notifier| Waker(Arc::new(notifier)))
-    }
-
-    fn notifier(&self, role: Role) -> Result<Notifier<Svc>, LineError> {
-        event_service(&self.node, role, &self.limits)?
-            .notifier_builder()
-            .create()
-            .map_err(|e| LineError::shared(format!("reaching the events of {}", role.name()), e))
+    pub fn waker(&self) -> Waker {
+        Waker(self.mailbox.clone())
     }
 
     /// Removes what dead participants have left, so that nobody waits for them any more.

@@ -214,7 +214,6 @@ impl<'l, T: Topic> Publisher<'l, T> {
             return Ok(true);
         }
         let (present, roles) = self.subscribers();
-        self.line.listen()?;
         let is_complete =
             present.len() == self.receivers.len() && self.receivers.iter().all(|role| roles.contains(&role.name()));
         if !is_complete {

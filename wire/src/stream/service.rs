@@ -1,12 +1,10 @@
 //! The services of a line in shared memory: one a topic, and one a process for its events.
 
 use iceoryx2::prelude::*;
-use iceoryx2::service::port_factory::event::PortFactory as EventService;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as TopicService;
 
 use crate::stream::cleanup::Svc;
 use crate::stream::error::LineError;
-use crate::stream::event::event_service;
 use crate::stream::line::Line;
 use crate::stream::topic::{
     AskTopic, CasingTopic, DamageTopic, Delivery, DiscriminatorTopic, ProposalTopic, Role, SettledTopic, StatusTopic,
@@ -80,7 +78,6 @@ pub(crate) fn open_all(line: &Line) -> Result<AllTopics, LineError> {
 /// leaves an incomplete one that nobody can open.
 #[derive(Debug)]
 pub struct Services {
-    _events: Vec<EventService<Svc>>,
     _topics: AllTopics,
 }
 
@@ -90,9 +87,6 @@ impl Services {
     /// # Errors
     /// [`LineError::Shared`] when the shared-memory layer refuses.
     pub fn open(line: &Line) -> Result<Self, LineError> {
-        let roles = [Role::Process, Role::Fuse, Role::Store, Role::Supervisor].into_iter();
-        let roles = roles.chain((0..line.limits().acquire_count).map(Role::Acquire));
-        let events = roles.map(|role| event_service(line.node(), role, line.limits())).collect::<Result<_, _>>()?;
-        Ok(Self { _events: events, _topics: open_all(line)? })
+        Ok(Self { _topics: open_all(line)? })
     }
 }
