@@ -13,8 +13,8 @@ const RUN_MIN: f64 = 12.0;
 const LN_IMPROBABLE: f64 = -40.0;
 /// Fewest pairs of neighbours from which p is computed.
 const PAIRS_MIN: usize = 16;
-/// Most samples before the trigger that are looked at.
-const QUIET_MAX: usize = 4096;
+/// Most samples before the trigger that are looked at: they tell p to a hundredth or two.
+const QUIET_MAX: usize = 1024;
 /// Samples of a probe: every run of [`RUN_MIN`] has a whole one.
 const PROBE: usize = 4;
 /// Probes that are looked at together: most have none of one value.

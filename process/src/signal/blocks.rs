@@ -2,6 +2,7 @@
 //!
 //! Memory, not arithmetic, limits passes over a record, so the blocks are computed while the signal is written.
 
+use std::array::from_fn;
 use std::f64::consts::TAU;
 
 use crate::Real;
@@ -142,8 +143,10 @@ pub(crate) fn samples_per_block(sample_rate_hz: f64) -> usize {
 const FOLD_LANES: usize = 8;
 /// Lanes of a block's sums.
 const LANES: usize = 8;
+/// Lanes of two blocks side by side, which fill the widest vectors.
+const OF_TWO: usize = 2 * LANES;
 /// Blocks whose lanes are stored before they are added up; the compiler makes vectors at stores.
-const GROUP: usize = 32;
+const GROUP: usize = 16;
 
 /// Lets `write` fill `signal`, and computes `blocks` of `count` samples each.
 ///
@@ -163,32 +166,29 @@ impl<T: Real, W: Fn(usize, &mut [T])> Kernel for Fill<'_, T, W> {
     fn run(self) {
         let Self { signal, write, count, blocks } = self;
         let part = 1.0 / count as f64;
-        let mut lanes = [[T::zero(); GROUP * LANES]; 4];
+        let mut sums: [[T; GROUP * LANES]; 4] = [[T::zero(); GROUP * LANES]; 4];
         let mut from = 0;
         for group in blocks.chunks_mut(GROUP) {
-            write(from, &mut signal[from..from + count * group.len()]);
-            for number in 0..group.len() {
-                let of_block = Lanes::from_block(&signal[from..from + count]);
-                let place = number * LANES..(number + 1) * LANES;
-                lanes[0][place.clone()].copy_from_slice(&of_block.sum);
-                lanes[1][place.clone()].copy_from_slice(&of_block.square);
-                lanes[2][place.clone()].copy_from_slice(&of_block.magnitude);
-                lanes[3][place].copy_from_slice(&of_block.peak);
-                from += count;
+            let samples = &mut signal[from..from + count * group.len()];
+            write(from, samples);
+            from += samples.len();
+            for (number, two) in samples.chunks(2 * count).enumerate() {
+                // Of an odd number of blocks the last is taken twice, and once into lanes that no block has.
+                let (first, second) = if two.len() > count { two.split_at(count) } else { (two, two) };
+                let of_two = Lanes::of_two(first, second);
+                for (sums, of_two) in sums.iter_mut().zip(of_two.0) {
+                    sums.as_chunks_mut().0[number] = of_two;
+                }
             }
             let sum = |a, b| a + b;
-            let [sums, squares, magnitudes, peaks] = &lanes;
-            let (sums, squares) = (folded(sums, group.len(), sum), folded(squares, group.len(), sum));
-            let (magnitudes, peaks) =
-                (folded(magnitudes, group.len(), sum), folded(peaks, group.len(), |a, b| if b > a { b } else { a }));
-            for ((((block, sum), square), magnitude), peak) in
-                group.iter_mut().zip(sums).zip(squares).zip(magnitudes).zip(peaks)
-            {
+            let (means, squares, magnitudes) = (folded(&sums[0], sum), folded(&sums[1], sum), folded(&sums[2], sum));
+            let peaks = folded(&sums[3], |a, b| if b > a { b } else { a });
+            for (number, block) in group.iter_mut().enumerate() {
                 *block = Block {
-                    mean: sum.widened() * part,
-                    mean_square: square.widened() * part,
-                    mean_magnitude: magnitude.widened() * part,
-                    peak: peak.widened(),
+                    mean: means[number].widened() * part,
+                    mean_square: squares[number].widened() * part,
+                    mean_magnitude: magnitudes[number].widened() * part,
+                    peak: peaks[number].widened(),
                 };
             }
         }
@@ -196,65 +196,46 @@ impl<T: Real, W: Fn(usize, &mut [T])> Kernel for Fill<'_, T, W> {
     }
 }
 
-/// Folds the [`LANES`] of each of the first `block_count` blocks into one value, pair by pair.
+/// Folds the [`LANES`] of each block into one value, pair by pair.
 #[inline(always)]
-fn folded<T: Real>(lanes: &[T; GROUP * LANES], block_count: usize, of_two: impl Fn(T, T) -> T + Copy) -> [T; GROUP] {
-    let (mut four, mut two, mut one) = ([T::zero(); GROUP * 4], [T::zero(); GROUP * 2], [T::zero(); GROUP]);
-    halve(lanes, &mut four[..block_count * 4], of_two);
-    halve(&four, &mut two[..block_count * 2], of_two);
-    halve(&two, &mut one[..block_count], of_two);
-    one
+fn folded<T: Real>(lanes: &[T; GROUP * LANES], of_two: impl Fn(T, T) -> T + Copy) -> [T; GROUP] {
+    let four: [T; GROUP * 4] = from_fn(|i| of_two(lanes[2 * i], lanes[2 * i + 1]));
+    let two: [T; GROUP * 2] = from_fn(|i| of_two(four[2 * i], four[2 * i + 1]));
+    from_fn(|i| of_two(two[2 * i], two[2 * i + 1]))
 }
 
-#[inline(always)]
-fn halve<T: Real>(from: &[T], to: &mut [T], of_two: impl Fn(T, T) -> T) {
-    for (to, &[a, b]) in to.iter_mut().zip(from.as_chunks::<2>().0) {
-        *to = of_two(a, b);
-    }
-}
-
-/// Sum, sum of squares, sum of magnitudes and greatest magnitude of every eighth sample of a block.
-#[derive(Debug, Clone, Copy)]
-struct Lanes<T> {
-    sum: [T; LANES],
-    square: [T; LANES],
-    magnitude: [T; LANES],
-    peak: [T; LANES],
-}
+/// Sum, sum of squares, sum of magnitudes and greatest magnitude of every eighth sample of two blocks, side by side.
+struct Lanes<T>([[T; OF_TWO]; 4]);
 
 impl<T: Real> Lanes<T> {
     #[inline(always)]
-    fn from_block(block: &[T]) -> Self {
-        let mut lanes = Self::default();
-        let (rows, rest) = block.as_chunks::<LANES>();
-        for row in rows {
-            lanes.add(row);
+    fn of_two(first: &[T], second: &[T]) -> Self {
+        let mut lanes = Self([[T::zero(); OF_TWO]; 4]);
+        let ((rows, rest), (rows_2, rest_2)) = (first.as_chunks::<LANES>(), second.as_chunks::<LANES>());
+        for (row, row_2) in rows.iter().zip(rows_2) {
+            lanes.add(row, row_2);
         }
         if !rest.is_empty() {
             // Zeros change no lane, because no lane is -0.
-            let mut last = [T::zero(); LANES];
-            last[..rest.len()].copy_from_slice(rest);
-            lanes.add(&last);
+            let padded = |rest: &[T]| from_fn(|i| rest.get(i).copied().unwrap_or(T::zero()));
+            lanes.add(&padded(rest), &padded(rest_2));
         }
         lanes
     }
 
     #[inline(always)]
-    fn add(&mut self, row: &[T; LANES]) {
-        for (lane, &x) in row.iter().enumerate() {
+    fn add(&mut self, row: &[T; LANES], row_2: &[T; LANES]) {
+        let mut x = [T::zero(); OF_TWO];
+        x[..LANES].copy_from_slice(row);
+        x[LANES..].copy_from_slice(row_2);
+        let [sums, squares, magnitudes, peaks] = &mut self.0;
+        for (lane, &x) in x.iter().enumerate() {
             let magnitude = x.abs();
-            self.sum[lane] += x;
-            self.square[lane] += x * x;
-            self.magnitude[lane] += magnitude;
-            self.peak[lane] = if magnitude > self.peak[lane] { magnitude } else { self.peak[lane] };
+            sums[lane] += x;
+            squares[lane] += x * x;
+            magnitudes[lane] += magnitude;
+            peaks[lane] = if magnitude > peaks[lane] { magnitude } else { peaks[lane] };
         }
-    }
-}
-
-impl<T: Real> Default for Lanes<T> {
-    fn default() -> Self {
-        let zeros = [T::zero(); LANES];
-        Self { sum: zeros, square: zeros, magnitude: zeros, peak: zeros }
     }
 }
 
