@@ -18,6 +18,10 @@ use crate::h5::samples::padded;
 /// Most buffers that are kept from call to call.
 const KEPT_MAX: usize = 128;
 
+/// Bytes from which on records are packed by several threads: waking them, and their looking for more, takes as much of the
+/// processors as packing half of that.
+const HELPED_BYTES: usize = 512 * 1024;
+
 /// One record, packed.
 #[derive(Debug, Default)]
 pub(crate) struct Packed {
@@ -119,7 +123,8 @@ pub(crate) fn pack<E>(
     records: &[(Shape, &[u8])],
     take: impl FnMut(usize, &Packed) -> Result<(), E>,
 ) -> Result<PackBuffers, E> {
-    pack_on(if records.len() > 1 { helpers() } else { None }, records, take)
+    let byte_count: usize = records.iter().map(|(_, samples)| samples.len()).sum();
+    pack_on(if byte_count >= HELPED_BYTES { helpers() } else { None }, records, take)
 }
 
 fn pack_on<E>(
