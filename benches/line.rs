@@ -25,7 +25,7 @@ use tempfile::TempDir;
 
 const ROUNDS: usize = 5;
 const STATIONS: [u16; 3] = [1, 2, 4];
-/// Full turns of all stations together; every line has the same number of taps, 38784: enough that starting processes is little of it.
+/// Full turns of all stations together; every line has the same number of taps, 38784: enough that starting processes is little of the time.
 const TURNS: u16 = 32;
 /// What a rig makes at most, taps per second of a station.
 const REAL_TAPS_PER_S: f64 = 2.5;

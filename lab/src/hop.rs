@@ -52,6 +52,22 @@ impl Way {
     }
 }
 
+/// A record's bytes, and how many of them, from the first on, are filled and read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Size {
+    /// Of the record.
+    pub bytes: usize,
+    /// Of what is filled and read. Only shared memory can carry more: the layer zeroes the others, and nobody reads them.
+    pub used: usize,
+}
+
+impl Size {
+    /// A record that is filled and read whole.
+    pub fn whole(bytes: usize) -> Self {
+        Self { bytes, used: bytes }
+    }
+}
+
 /// What came of a run.
 #[derive(Debug)]
 pub struct Run {
@@ -67,13 +83,15 @@ pub struct Run {
     pub p99_us: f64,
 }
 
-/// Sends `count` records of `bytes` over `way`, one a `period` or as fast as they are taken.
+/// Sends `count` records of `size` over `way`, one a `period` or as fast as they are taken.
 ///
 /// # Errors
 /// A record that does not arrive whole and in order, and what the system returns.
-pub fn run(way: Way, bytes: usize, count: u64, period: Option<Duration>) -> Result<Run> {
+pub fn run(way: Way, size: Size, count: u64, period: Option<Duration>) -> Result<Run> {
+    let bytes = size.bytes;
+    ensure!(way == Way::Topic || size.used == bytes, "{} carries all that is sent", way.name());
     let (cpu_ns, begun_ns, reports) = match way {
-        Way::Topic => over_topic(bytes, count, period)?,
+        Way::Topic => over_topic(size, count, period)?,
         Way::Socket | Way::Pipe => over_stream(way, bytes, count, period)?,
         #[cfg(feature = "zeromq")]
         Way::ZeroMq => over_zeromq(bytes, count, period)?,
@@ -136,14 +154,15 @@ fn produce(count: u64, period: Option<Duration>, mut send: impl FnMut(u64) -> Re
     Ok((process_cpu_ns() - cpu_before, begun_ns))
 }
 
-fn over_topic(bytes: usize, count: u64, period: Option<Duration>) -> Result<(u64, i64, [Report; 2])> {
+fn over_topic(size: Size, count: u64, period: Option<Duration>) -> Result<(u64, i64, [Report; 2])> {
+    let Size { bytes, used } = size;
     let address = LineAddress::fresh()?;
     let name = address.root().display();
     let outcome = {
         let line = Line::join(&address, Role::Acquire(0), &limits(bytes), Arc::default())?;
         let mut consumers = Vec::new();
         for role in ["process", "store"] {
-            consumers.push(start(&format!("{role} {bytes} {name}"), Stdio::null())?);
+            consumers.push(start(&format!("{role} {bytes} {used} {name}"), Stdio::null())?);
         }
         let publisher = Publisher::<TapTopic>::open(&line)?;
         publisher.wait_ready()?;
@@ -151,7 +170,7 @@ fn over_topic(bytes: usize, count: u64, period: Option<Duration>) -> Result<(u64
             let mut loan = publisher.loan(cache_lines_for(bytes))?;
             loan.fill(|header, buffer| {
                 header.plan_index = 0;
-                fill(bytes_of_mut(buffer), number);
+                fill(&mut bytes_of_mut(buffer)[..used], number);
             });
             Ok(loan.send(RecordKind::Data)?)
         })?;
@@ -170,7 +189,7 @@ fn over_stream(way: Way, bytes: usize, count: u64, period: Option<Duration>) -> 
             _ => io::pipe().map(|(reader, writer)| (writer.into(), reader.into()))?,
         };
         ends.push(File::from(ours));
-        consumers.push(start(&format!("stream {bytes} -"), Stdio::from(theirs))?);
+        consumers.push(start(&format!("stream {bytes} {bytes} -"), Stdio::from(theirs))?);
     }
     let mut record = vec![0_u8; bytes];
     let (cpu_ns, begun_ns) = produce(count, period, |number| {
@@ -193,7 +212,7 @@ fn over_zeromq(bytes: usize, count: u64, period: Option<Duration>) -> Result<(u6
         // An abstract name, which no folder keeps.
         let name = format!("ipc://@tapline-hop-{}-{number}", std::process::id());
         socket.bind(&name)?;
-        consumers.push(start(&format!("zeromq {bytes} {name}"), Stdio::null())?);
+        consumers.push(start(&format!("zeromq {bytes} {bytes} {name}"), Stdio::null())?);
         sockets.push(socket);
     }
     let mut record = vec![0_u8; bytes];
@@ -284,16 +303,19 @@ pub fn is_consumer() -> Result<bool> {
     Ok(true)
 }
 
-/// Is the consumer that `role` names: its kind, the bytes of a record, and the line.
+/// Is the consumer that `role` names: its kind, the bytes of a record, how many of them are read, and the line.
 fn consume(role: &str) -> Result<()> {
-    let words: Vec<&str> = role.splitn(3, ' ').collect();
-    let &[kind, bytes, name] = words.as_slice() else { bail!("{ROLE} is {role:?}; it is set by this program alone") };
-    let bytes: usize = bytes.parse().with_context(|| format!("{ROLE} is {role:?}"))?;
+    let words: Vec<&str> = role.splitn(4, ' ').collect();
+    let &[kind, bytes, used, name] = words.as_slice() else {
+        bail!("{ROLE} is {role:?}; it is set by this program alone")
+    };
+    let number = |word: &str| word.parse::<usize>().with_context(|| format!("{ROLE} is {role:?}"));
+    let size = Size { bytes: number(bytes)?, used: number(used)? };
     io::stdout().write_all(STARTED.as_bytes())?;
     let seen = match kind {
-        "process" => from_topic(Role::Process, bytes, name)?,
-        "store" => from_topic(Role::Store, bytes, name)?,
-        "stream" => from_stream(bytes)?,
+        "process" => from_topic(Role::Process, size, name)?,
+        "store" => from_topic(Role::Store, size, name)?,
+        "stream" => from_stream(size.bytes)?,
         #[cfg(feature = "zeromq")]
         "zeromq" => from_zeromq(name)?,
         _ => bail!("{ROLE} is {role:?}; it is set by this program alone"),
@@ -301,14 +323,14 @@ fn consume(role: &str) -> Result<()> {
     seen.report()
 }
 
-fn from_topic(role: Role, bytes: usize, name: &str) -> Result<Seen> {
-    let line = Line::join(&LineAddress::at(name.as_ref())?, role, &limits(bytes), Arc::default())?;
+fn from_topic(role: Role, size: Size, name: &str) -> Result<Seen> {
+    let line = Line::join(&LineAddress::at(name.as_ref())?, role, &limits(size.bytes), Arc::default())?;
     let taps = Subscriber::<TapTopic>::open(&line)?;
     let mut seen = Seen::default();
     loop {
         match taps.receive()? {
             Some(tap) if tap.kind() == Some(RecordKind::End) => break,
-            Some(tap) => seen.take(bytes_of(&tap)),
+            Some(tap) => seen.take(bytes_of(&tap).get(..size.used).unwrap_or_default()),
             None => line.wait(Duration::from_millis(100))?,
         }
     }

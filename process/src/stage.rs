@@ -18,8 +18,8 @@ use crate::{Error, ProcessConfig, ProcessExtractor};
 /// Most taps that the workers may have at once; fewer than a subscriber may borrow.
 const IN_HAND_MAX: usize = TapTopic::BORROWED - 2;
 
-/// Taps that are not handed to a worker but extracted where they are received: waking a worker takes as long as extracting a
-/// tap, so workers are for taps that come faster than one thread extracts them.
+/// So many taps, and fewer, are extracted where they are received: waking a worker takes as long as extracting a tap, so
+/// workers are for taps that come faster than one thread extracts them.
 const FEW: usize = 8;
 
 /// Longest latency that is counted as such; longer ones count as this.
@@ -155,7 +155,7 @@ struct StageLoop<'a> {
     line: &'a Line,
     taps: Subscriber<'a, TapTopic>,
     found: Publisher<'a, DiscriminatorTopic>,
-    /// For taps of which [`FEW`] wait.
+    /// For taps of which no more than [`FEW`] wait.
     extractor: ProcessExtractor,
     in_hand: usize,
     tap_count: u64,
@@ -191,8 +191,9 @@ impl<'a> StageLoop<'a> {
                 waiting.push_back(tap);
             }
             is_idle &= waiting.is_empty();
+            let are_few = waiting.len() <= FEW;
             while let Some(tap) = waiting.pop_front() {
-                if tap.kind() == Some(RecordKind::Data) && waiting.len() < FEW {
+                if tap.kind() == Some(RecordKind::Data) && (are_few || waiting.is_empty()) {
                     let done = extract(&mut self.extractor, &tap);
                     drop(tap);
                     self.publish(Some(done))?;

@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
-use tapline_wire::{Line, LineAddress, LineError, Role, Signal, shm};
+use tapline_wire::{Line, LineAddress, LineError, Role, shm};
 
 use crate::line::limits::RESTART_BYTES;
 use crate::line::out_folder::OutFolder;
@@ -99,7 +99,7 @@ impl<'a> Stages<'a> {
         if has_died {
             self.started_at = Instant::now();
             for stage in &self.all {
-                self.line.notify(role_of(stage.name()), Signal::Joined);
+                self.line.notify(role_of(stage.name()));
             }
         }
         Ok(has_died)
@@ -175,7 +175,7 @@ impl<'a> Stages<'a> {
     /// Wakes those that were asked to end: one may have begun to wait in the moment before it was asked.
     pub(crate) fn wake(&self, which: Range<usize>) {
         for stage in &self.all[which] {
-            self.line.notify(role_of(stage.name()), Signal::Data);
+            self.line.notify(role_of(stage.name()));
         }
     }
 

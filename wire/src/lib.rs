@@ -26,8 +26,8 @@
 //!
 //! # How a record travels
 //!
-//! A process joins a [`Line`] in a [`Role`], opens a [`Publisher`] or a [`Subscriber`] on a [`Topic`], and waits for
-//! events. A publisher sends every subscriber a handshake record, and nothing else before each has answered READY: a
+//! A process joins a [`Line`] in a [`Role`], opens a [`Publisher`] or a [`Subscriber`] on a [`Topic`], and waits to be
+//! notified. A publisher sends every subscriber a handshake record, and nothing else before each has answered READY: a
 //! subscriber that has not mapped its connection yet would lose records silently.
 //!
 //! A record names its casing by a number that follows from the file's name ([`casing_number`]). `store` sends each process what
@@ -90,8 +90,8 @@ pub use record::tap::{
 };
 pub use stream::address::{FolderLock, LineAddress};
 pub use stream::error::LineError;
-pub use stream::event::{Signal, Waker};
 pub use stream::line::Line;
+pub use stream::mailbox::Waker;
 pub use stream::publisher::{Loan, Publisher};
 pub use stream::service::Services;
 pub use stream::shm;

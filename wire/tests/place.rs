@@ -3,7 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use std::io::{BufRead as _, BufReader, Write as _};
-use std::os::unix::fs::{FileTypeExt as _, MetadataExt as _};
+use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
@@ -198,11 +198,9 @@ fn what_a_line_takes() {
         with_line(stations, |address, participants| {
             let reserved = shm::reserve("the line", address).unwrap();
             let (promised, there) = shared_bytes(address);
-            let sockets = files(address).into_iter().filter(|f| f.metadata().unwrap().file_type().is_socket());
-            let longest = sockets.map(|f| f.as_os_str().len() - address.root().as_os_str().len()).max().unwrap();
             println!(
                 "{stations} stations: {} files, promised {promised}, reserved {} in {} segments, there {there}, \
-                 foreseen {}, a socket's path is {longest} longer than the folder's",
+                 foreseen {}",
                 files(address).len(),
                 reserved.bytes,
                 reserved.segments,

@@ -21,9 +21,6 @@ use crate::{AcquireConfig, Arrivals};
 /// How long a process that is asked to end waits until what it has sent is archived.
 const DRAIN: Duration = Duration::from_secs(10);
 
-/// By how much a wait for events may overshoot; shorter waits are slept.
-const COARSE: Duration = Duration::from_millis(12);
-
 /// Takes the casings of `stations` as they arrive and sends the taps that their ledgers lack, until asked to stop.
 ///
 /// The work to do is plan - ledger, repeated until it is empty. This one loop starts a casing, resumes an interrupted one, and
@@ -60,10 +57,8 @@ fn serve(
             }
             station.report_wait(outlet)?;
         }
-        match earliest {
-            Duration::ZERO => {}
-            short if short < COARSE => std::thread::sleep(short),
-            long => line.wait(long)?,
+        if !earliest.is_zero() {
+            line.wait(earliest)?;
         }
     }
     Ok(())

@@ -10,8 +10,7 @@ use crate::stage::pace::{Next, Pace, SEND_AGAIN};
 use crate::stage::tapping::{Tapping, grow};
 use crate::{Arrival, Arrivals, Casing, CasingEnd, RunError, Source};
 
-/// How soon to look for the answer to a proposal without being notified: `store` may have notified before this process
-/// listened.
+/// How soon to look for the answer to a proposal without being notified.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
 
 /// Shortest time between two reports of what a station waits for.

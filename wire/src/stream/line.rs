@@ -1,4 +1,4 @@
-//! One process on a line: its node, its events, and the one place where it waits for them.
+//! One process on a line: its node, its mailbox, and the one place where it waits.
 
 use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
@@ -11,7 +11,7 @@ use iceoryx2::prelude::*;
 
 use crate::stream::cleanup::Svc;
 use crate::stream::cleanup::reap;
-use crate::stream::event::{Mailbox, Signal, Waker};
+use crate::stream::mailbox::{Mailbox, Waker};
 use crate::{Limits, LineAddress, LineError, Role};
 
 /// Longest wait before checking whether the process is to end: the request may come just before the wait begins.
@@ -26,7 +26,7 @@ pub struct Line {
     config: Config,
     node: Node<Svc>,
     mailbox: Arc<Mailbox>,
-    /// Signals that came before the last wait ended.
+    /// Notifications that came before the last wait ended.
     seen: Cell<u32>,
     /// Those of the roles that were notified.
     mailboxes: RefCell<HashMap<Role, Mailbox>>,
@@ -123,19 +123,32 @@ impl Line {
         if !timeout.is_zero() && self.mailbox.count() == self.seen.get() {
             self.mailbox.sleep(self.seen.get(), timeout.min(WAIT_MAX))?;
         }
-        // In this order, a signal that comes in between counts as a new one.
         self.seen.set(self.mailbox.count());
-        self.take(Signal::Data);
         Ok(())
     }
 
-    /// Whether `signal` has come since the last call.
-    pub fn take(&self, signal: Signal) -> bool {
-        self.mailbox.take(signal)
+    /// Lets the next wait end at once: a wait on behalf of something else may have seen what it would wait for.
+    pub(crate) fn look_again(&self) {
+        self.seen.set(self.mailbox.count().wrapping_sub(1));
     }
 
-    /// Notifies `role`; one that has not joined yet finds the signal when it does.
-    pub fn notify(&self, role: Role, signal: Signal) {
+    /// Notifies `role` that there is something to do: a record, a subscriber that has joined, a request to end. One that has
+    /// not joined yet looks when it does.
+    pub fn notify(&self, role: Role) {
+        self.to(role, Mailbox::notify);
+    }
+
+    /// Tells `role` that this process is READY, in answer to the handshake with this number.
+    pub(crate) fn answer(&self, role: Role, handshake: u64) {
+        self.to(role, |mailbox| mailbox.answer(self.role, handshake));
+    }
+
+    /// Whether `role` has answered the handshake with this number; each answer is there once.
+    pub(crate) fn take_answer(&self, role: Role, handshake: u64) -> bool {
+        self.mailbox.take_answer(role, handshake)
+    }
+
+    fn to(&self, role: Role, act: impl FnOnce(&Mailbox)) {
         let mut mailboxes = self.mailboxes.borrow_mut();
         let mailbox = match mailboxes.entry(role) {
             Entry::Occupied(entry) => entry.into_mut(),
@@ -144,7 +157,7 @@ impl Line {
                 Err(error) => return tracing::warn!(%error, "cannot notify {}", role.name()),
             },
         };
-        mailbox.notify(signal);
+        act(mailbox);
     }
 
     /// A handle by which worker threads wake this process.

@@ -3,9 +3,9 @@
 pub(crate) mod address;
 mod cleanup;
 pub(crate) mod error;
-pub(crate) mod event;
 mod folder;
 pub(crate) mod line;
+pub(crate) mod mailbox;
 pub(crate) mod publisher;
 pub(crate) mod service;
 pub mod shm;

@@ -16,7 +16,7 @@ use crate::stream::cleanup::Svc;
 use crate::stream::service::{Service, failed, open};
 use crate::stream::shm;
 use crate::stream::topic::{LOANED, publisher_bytes};
-use crate::{Delivery, Line, LineError, RecordKind, Role, Signal, Stamped, Topic};
+use crate::{Delivery, Line, LineError, RecordKind, Role, Stamped, Topic};
 
 /// The sending end of a topic.
 ///
@@ -184,6 +184,7 @@ impl<'l, T: Topic> Publisher<'l, T> {
     pub fn wait_ready(&self) -> Result<(), LineError> {
         let since = Instant::now();
         let mut logged_at = since;
+        let mut has_waited = false;
         while !self.poll_ready()? {
             if self.line.is_stopped() {
                 return Err(LineError::Stopped { topic: T::NAME });
@@ -196,6 +197,10 @@ impl<'l, T: Topic> Publisher<'l, T> {
                 tracing::warn!(topic = T::NAME, waited_s, ?needed, ?present, "waiting for subscribers");
             }
             self.line.wait(Duration::from_millis(50))?;
+            has_waited = true;
+        }
+        if has_waited {
+            self.line.look_again();
         }
         Ok(())
     }
@@ -226,7 +231,7 @@ impl<'l, T: Topic> Publisher<'l, T> {
             return Ok(false);
         };
         for (is_ready, &role) in under_way.are_ready.iter_mut().zip(&self.receivers) {
-            *is_ready |= self.line.take(Signal::Ready(role, under_way.number));
+            *is_ready |= self.line.take_answer(role, under_way.number);
         }
         if under_way.are_ready.iter().all(|&is_ready| is_ready) {
             *self.ready_subscribers.borrow_mut() = std::mem::take(&mut under_way.to);
@@ -242,7 +247,7 @@ impl<'l, T: Topic> Publisher<'l, T> {
         let number = self.line.next_handshake();
         // An earlier answer under this number, perhaps of a dead subscriber, does not count.
         for &role in &self.receivers {
-            self.line.take(Signal::Ready(role, number));
+            self.line.take_answer(role, number);
         }
         let mut loan = self.loan(0)?;
         loan.header_mut().stamp_mut().mark = number;
@@ -344,7 +349,7 @@ impl<T: Topic> Loan<'_, '_, T> {
         }
         let wakes_all = kind != RecordKind::Data || sequence % T::WAKE_EVERY == T::WAKE_EVERY - 1;
         for &role in publisher.receivers.iter().filter(|&&role| wakes_all || T::wakes_always(role)) {
-            line.notify(role, Signal::Data);
+            line.notify(role);
         }
         Ok(())
     }

@@ -12,7 +12,7 @@ use iceoryx2::sample::Sample;
 
 use crate::stream::cleanup::Svc;
 use crate::stream::service::{Service, failed, open};
-use crate::{Delivery, Line, LineError, RecordKind, Role, Signal, Stamped, Topic};
+use crate::{Delivery, Line, LineError, RecordKind, Role, Stamped, Topic};
 
 /// Counts lost records by the gaps in sequence numbers.
 #[derive(Debug)]
@@ -75,7 +75,7 @@ impl<'l, T: Topic> Subscriber<'l, T> {
             Role::Acquire(_) | Role::Fuse | Role::Supervisor => vec![Role::Store],
             Role::Process | Role::Store | Role::Viewer(_) => Vec::new(),
         };
-        senders.into_iter().for_each(|role| line.notify(role, Signal::Joined));
+        senders.into_iter().for_each(|role| line.notify(role));
         Ok(Self { line, port, _service: service, gaps: RefCell::default() })
     }
 
@@ -97,7 +97,7 @@ impl<'l, T: Topic> Subscriber<'l, T> {
                 return Ok(Some(Received { sample, topic: PhantomData }));
             }
             let sender = T::SENDER.unwrap_or(Role::Acquire(u16::try_from(stamp.source).unwrap_or(u16::MAX)));
-            self.line.notify(sender, Signal::Ready(self.line.role(), stamp.mark));
+            self.line.answer(sender, stamp.mark);
         }
     }
 

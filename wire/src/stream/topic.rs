@@ -30,7 +30,7 @@ impl Role {
     /// Roles before those of the processes that acquire.
     const STAGES: usize = 4;
 
-    /// The role's name: that of its node, its ports and its events.
+    /// The role's name: that of its node, its ports and its mailbox.
     pub fn name(self) -> String {
         match self {
             Self::Acquire(number) => format!("acquire-{number}"),

@@ -9,7 +9,7 @@ use crate::chart::Bench;
 use crate::chart::front::Tolerance;
 use crate::chart::panel::{Facet, Panel, Quantity};
 use crate::chart::point::{Cost, Error, Point};
-use crate::hop::{Run, Way, run};
+use crate::hop::{Run, Size, Way, run};
 
 pub(super) const ENTRY: Entry = Entry {
     name: "transport",
@@ -37,8 +37,8 @@ fn measure(bench: &Bench) -> Result<Panel> {
     for round in 0..size.hop_rounds {
         for (place, &(kib, way)) in cases.iter().enumerate() {
             let count = (size.hops * 64 / kib as u64).clamp(size.hops / 16, 4 * size.hops);
-            fast[place].push(run(way, kib * 1024, count, None)?);
-            paced[place].push(run(way, kib * 1024, size.paced, Some(period))?);
+            fast[place].push(run(way, Size::whole(kib * 1024), count, None)?);
+            paced[place].push(run(way, Size::whole(kib * 1024), size.paced, Some(period))?);
             let done = (round * cases.len() + place + 1) as f64 / (size.hop_rounds * cases.len()) as f64;
             bench.progress.at(done);
         }
