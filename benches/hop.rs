@@ -60,6 +60,9 @@ fn main() -> Result<()> {
             "Latency is from sending to the first consumer, which is woken for every record. Processor time is of all three \
              processes, a record."
                 .to_owned(),
+            "A record of 1 MiB that is filled empties the caches of what sending and receiving need; the last row has one that is \
+             not, though the layer zeroes it."
+                .to_owned(),
             "ZeroMQ: libzmq, PUSH to PULL over `ipc://`, a socket for each consumer.".to_owned(),
         ],
         rows: rows(&cases, &untouched),
@@ -93,10 +96,6 @@ fn rows(cases: &[Case], untouched: &[Run]) -> Vec<Row> {
             if let (true, Some(small)) = (what.ends_with("median") && kib == 1024, case(SIZES_KIB[0], Way::Topic)) {
                 let ratio = Spread::of_ratio(&of(&ours.paced, value), &of(&small.paced, value));
                 row = row.beside("of that of 4 KiB", ratio, "<= 1.5");
-                let alone = of(untouched, |run| run.p50_us);
-                let ratio = Spread::of_ratio(&alone, &of(&small.paced, value));
-                let what = "1024 KiB, of which 4 KiB are written and read: latency at 500 records/s, median";
-                rows.push(Row::new(what, "us", &alone).beside("of that of 4 KiB", ratio, "<= 1.5"));
             }
             rows.push(row);
         }
@@ -106,6 +105,12 @@ fn rows(cases: &[Case], untouched: &[Run]) -> Vec<Row> {
             &of(&ours.fast, |run| run.elapsed_us),
         );
         rows.push(compared(row, |case| &case.fast, |run| run.elapsed_us));
+    }
+    if let Some(small) = case(SIZES_KIB[0], Way::Topic) {
+        let ours = of(untouched, |run| run.p50_us);
+        let ratio = Spread::of_ratio(&ours, &of(&small.paced, |run| run.p50_us));
+        let what = "1024 KiB, of which 4 KiB are filled and read: latency at 500 records/s, median";
+        rows.push(Row::new(what, "us", &ours).beside("of that of 4 KiB", ratio, "<= 1.5"));
     }
     rows
 }
