@@ -198,7 +198,8 @@ impl Drop for Workplace {
     fn drop(&mut self) {
         match self.address.clear() {
             Ok(true) => {}
-            Ok(false) => tracing::warn!("someone still uses the line's shared memory; the next run clears it away"),
+            // The stages have ended. Who only looks on needs no more than it has mapped, and sees that the line has ended.
+            Ok(false) => self.address.remove(),
             Err(error) => tracing::warn!(%error, "cannot clear away the line's shared memory"),
         }
     }

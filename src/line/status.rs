@@ -34,7 +34,17 @@ pub(crate) fn status(args: &StatusArgs) -> Result<bool> {
     let setup = Setup::read(&found.address)?;
     let stop = stop_flag().context("cannot listen to signals")?;
     let line = Line::join(&found.address, Role::Viewer(std::process::id()), &setup.limits, Arc::clone(&stop))?;
-    let shown = Subscriber::<StatusTopic>::open(&line)?;
+    let shown = match Subscriber::<StatusTopic>::open(&line) {
+        Ok(shown) => shown,
+        Err(_) => {
+            // The places of viewers that were killed are free once somebody clears them.
+            line.clear_dead();
+            let most = StatusTopic::VIEWERS_MAX;
+            Subscriber::<StatusTopic>::open(&line).with_context(|| {
+                format!("{most} programs at most may look at the line on {} at once", args.out.display())
+            })?
+        }
+    };
     let since = Instant::now();
     let mut last = None;
     loop {

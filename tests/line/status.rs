@@ -1,10 +1,13 @@
 //! The status of a running line.
 
+use std::fs;
 use std::io::{BufRead as _, BufReader};
+use std::process::Child;
 use std::time::Duration;
 
 use rustix::process::Signal;
 use serde_json::Value;
+use tapline_wire::StatusTopic;
 
 use crate::line::{all_finished, file_of, slow_plant};
 use crate::sandbox::Sandbox;
@@ -12,7 +15,8 @@ use crate::sandbox::archives::{assert_same, contents};
 use crate::sandbox::running::Running;
 use crate::sandbox::stages::{signal, stage};
 
-/// Catches a status that is missing, or of another line, and a line that waits for a viewer, running or frozen.
+/// Catches a status that is missing, or of another line, and a line that waits for a viewer, running or frozen; files that stay
+/// because one still looks on when the line ends; and viewers that keep others out after they were killed.
 #[test]
 fn who_looks_on_changes_nothing() {
     let sandbox = Sandbox::new();
@@ -32,6 +36,15 @@ fn who_looks_on_changes_nothing() {
     let first: Value = serde_json::from_str(&shown.next().unwrap().unwrap()).unwrap();
     assert_eq!(first["pid"], line.child().id());
     signal(i32::try_from(frozen.id()).unwrap(), Signal::STOP);
+    let mut killed: Vec<Child> =
+        (0..StatusTopic::VIEWERS_MAX).map(|_| sandbox.start("status --out watched --follow --json")).collect();
+    for viewer in &mut killed {
+        BufReader::new(viewer.stdout.take().unwrap()).read_line(&mut String::new()).unwrap();
+    }
+    for viewer in &mut killed {
+        viewer.kill().unwrap();
+        viewer.wait().unwrap();
+    }
     let mut statuses: Vec<Value> = Vec::new();
     let mut verdicts = Vec::new();
     while verdicts.len() < 6 {
@@ -42,7 +55,14 @@ fn who_looks_on_changes_nothing() {
             statuses.push(sandbox.run("status --out watched --json").json(0));
         }
     }
+    let places =
+        || fs::read_dir(sandbox.path(".")).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let place = places().find(|name| name.starts_with("tapline-")).unwrap();
     line.finish().expect(0);
+    assert!(places().all(|name| name != place));
+    let prefix = place.replace('-', "_");
+    let left = fs::read_dir("/dev/shm").unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    assert_eq!(left.filter(|name| name.starts_with(&prefix)).collect::<Vec<_>>(), [""; 0]);
     signal(i32::try_from(frozen.id()).unwrap(), Signal::CONT);
     let done = frozen.wait_with_output().unwrap();
     assert!(done.status.success(), "{done:?}");

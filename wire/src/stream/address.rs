@@ -175,6 +175,11 @@ impl LineAddress {
         Ok(true)
     }
 
+    /// Removes everything, whoever is alive: for a line whose stages have ended.
+    pub fn remove(&self) {
+        self.remove_all();
+    }
+
     /// The folder is removed last: as long as it exists, the next line knows that something was left.
     fn remove_all(&self) {
         for path in segments(&self.prefix) {

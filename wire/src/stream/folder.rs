@@ -15,9 +15,9 @@ pub(crate) const PREFIX: &str = "tapline-";
 /// Digits of a token: 64 random bits in hexadecimal.
 pub(crate) const TOKEN_DIGITS: usize = 16;
 
-/// Longest path of a line's folder, in bytes. The layer's files below it add up to 124 bytes: a node's number, the prefix, a
-/// hash, and their kind; its paths have 255 at most.
-pub(crate) const ROOT_BYTES_MAX: usize = 120;
+/// Longest path of a line's folder, in bytes. The layer's longest name, of a connection, has 156: the prefix, a hash, two
+/// numbers of up to 39 digits, and its kind. The layer puts it behind this path, for 255 in all.
+pub(crate) const ROOT_BYTES_MAX: usize = 96;
 
 /// Checks that a file is of this kind, belongs to this user, is closed to others and, unless it is a folder, has no second name.
 pub(crate) fn check_private(path: &Path, stat: &Stat, kind: FileType) -> Result<(), LineError> {

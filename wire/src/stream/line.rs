@@ -167,8 +167,8 @@ impl Line {
 
     /// Removes what dead participants have left, so that nobody waits for them any more.
     ///
-    /// Called by the process that knows who has died, when a participant has. The others must not call it, because its cost grows
-    /// with the number of participants.
+    /// Called by the process that knows who has died, when a participant has, and by a viewer that finds no place. The others
+    /// must not call it, because its cost grows with the number of participants.
     pub fn clear_dead(&self) {
         reap(&self.config);
     }

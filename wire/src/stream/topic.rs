@@ -273,6 +273,11 @@ pub const STATUS_BYTES_MAX: usize = 256 * 1024;
 #[derive(Debug)]
 pub struct StatusTopic;
 
+impl StatusTopic {
+    /// Most viewers at once.
+    pub const VIEWERS_MAX: usize = 8;
+}
+
 impl Topic for StatusTopic {
     type Header = Stamp;
     type Element = u8;
@@ -287,9 +292,6 @@ impl Topic for StatusTopic {
         STATUS_BYTES_MAX
     }
 }
-
-/// Most viewers at once.
-const VIEWERS_MAX: usize = 8;
 
 /// Ports of dead processes that are not removed yet.
 const SPARE_PORTS: usize = 1;
@@ -309,11 +311,11 @@ pub(crate) fn port_limits<T: Topic>(limits: &Limits) -> (usize, usize, usize) {
     let subscribers = match T::DELIVERY {
         Delivery::All(roles) => roles.len(),
         Delivery::Addressed => 1,
-        Delivery::Newest => VIEWERS_MAX,
+        Delivery::Newest => StatusTopic::VIEWERS_MAX,
     };
     let ports = (publishers::<T>(limits) + SPARE_PORTS, subscribers + SPARE_PORTS);
     // A viewer's node stays until the supervisor removes dead ones.
-    (ports.0, ports.1, ports.0 + ports.1 + 2 * VIEWERS_MAX)
+    (ports.0, ports.1, ports.0 + ports.1 + 2 * StatusTopic::VIEWERS_MAX)
 }
 
 /// Shared memory that one publisher of `T` to `receiver` may come to need, in bytes.

@@ -147,7 +147,7 @@ fn cost(candidate: &Candidate, own: usize, marks: &[Box], others: &[Candidate]) 
         .placed
         .leader
         .map_or(0, |leader| marks.iter().enumerate().filter(|(k, mark)| *k != own && mark.is_crossed(leader)).count());
-    Some(candidate.badness + 60.0 * on_marks as f64 + 80.0 * crossed as f64 + 25.0 * through as f64)
+    Some(candidate.badness + 150.0 * on_marks as f64 + 80.0 * crossed as f64 + 25.0 * through as f64)
 }
 
 #[cfg(test)]
