@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::io::{BufRead as _, BufReader};
+use std::path::PathBuf;
 use std::process::Child;
 use std::time::Duration;
 
@@ -35,6 +36,9 @@ fn who_looks_on_changes_nothing() {
     let mut shown = BufReader::new(frozen.stdout.take().unwrap()).lines();
     let first: Value = serde_json::from_str(&shown.next().unwrap().unwrap()).unwrap();
     assert_eq!(first["pid"], line.child().id());
+    let entry: toml::Table = toml::from_str(&fs::read_to_string(sandbox.path("watched/.line")).unwrap()).unwrap();
+    let place = PathBuf::from(entry["folder"].as_str().unwrap());
+    assert!(place.exists());
     signal(i32::try_from(frozen.id()).unwrap(), Signal::STOP);
     let mut killed: Vec<Child> =
         (0..StatusTopic::VIEWERS_MAX).map(|_| sandbox.start("status --out watched --follow --json")).collect();
@@ -55,12 +59,9 @@ fn who_looks_on_changes_nothing() {
             statuses.push(sandbox.run("status --out watched --json").json(0));
         }
     }
-    let places =
-        || fs::read_dir(sandbox.path(".")).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
-    let place = places().find(|name| name.starts_with("tapline-")).unwrap();
     line.finish().expect(0);
-    assert!(places().all(|name| name != place));
-    let prefix = place.replace('-', "_");
+    assert!(!place.exists());
+    let prefix = place.file_name().unwrap().to_str().unwrap().replace('-', "_");
     let left = fs::read_dir("/dev/shm").unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
     assert_eq!(left.filter(|name| name.starts_with(&prefix)).collect::<Vec<_>>(), [""; 0]);
     signal(i32::try_from(frozen.id()).unwrap(), Signal::CONT);
