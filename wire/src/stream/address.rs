@@ -46,7 +46,7 @@ impl LineAddress {
                     let address = Self::at(&root)?;
                     address.verify()?;
                     if let Err(error) = address.seal() {
-                        address.remove_all();
+                        address.remove();
                         return Err(error);
                     }
                     return Ok(address);
@@ -164,24 +164,20 @@ impl LineAddress {
     pub fn clear(&self) -> Result<bool, LineError> {
         if self.root.symlink_metadata().is_err_and(|e| e.kind() == ErrorKind::NotFound) {
             // Participants find each other by the folder, so nobody is left. Whoever removed it left the segments.
-            self.remove_all();
+            self.remove();
             return Ok(true);
         }
         if reap(&self.config()?) {
             return Ok(false);
         }
         // The layer leaves its management file by design; nobody is left to need it.
-        self.remove_all();
+        self.remove();
         Ok(true)
     }
 
     /// Removes everything, whoever is alive: for a line whose stages have ended.
     pub fn remove(&self) {
-        self.remove_all();
-    }
-
-    /// The folder is removed last: as long as it exists, the next line knows that something was left.
-    fn remove_all(&self) {
+        // The folder goes last: as long as it exists, the next line knows that something was left.
         for path in segments(&self.prefix) {
             remove(&path, |path| std::fs::remove_file(path));
         }
@@ -200,8 +196,10 @@ const SEALED: [u8; 16] = [0, 0, 10, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
 #[cfg(test)]
 mod tests {
     use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _, symlink};
+    use std::sync::Arc;
 
     use super::*;
+    use crate::{DiscriminatorTopic, Limits, Line, Publisher, Role, Subscriber};
 
     #[test]
     fn two_lines_have_nothing_in_common_and_nothing_that_others_can_open() {
@@ -229,7 +227,7 @@ mod tests {
         drop(NodeBuilder::new().config(&address.config().unwrap()).create::<Svc>().unwrap());
         let file = named(&address.prefix).next().unwrap();
         let (made, mode) = (std::fs::read(&file).unwrap(), file.metadata().unwrap().mode());
-        address.remove_all();
+        address.remove();
         assert_eq!((made[..8].to_vec(), made.len()), (SEALED[..8].to_vec(), SEALED.len()));
         assert_eq!(mode & 0o777, 0o666, "the layer closes it itself: no seal is needed any more");
     }
@@ -270,6 +268,37 @@ mod tests {
         assert!(matches!(address.clear(), Err(LineError::NotOurs { .. })));
         std::fs::remove_dir(&address.root).unwrap();
         assert!(elsewhere.path().join("dear").exists());
+    }
+
+    /// Catches a folder with a path that is too long for the layer, which puts it before the names of shared memory too: those of
+    /// connections have two numbers, of up to 39 digits.
+    #[test]
+    fn the_longest_path_of_a_folder_is_short_enough_for_the_layer() {
+        let above = tempfile::TempDir::new().unwrap();
+        let above = above.path().canonicalize().unwrap();
+        let root = (1..150).rev().find_map(|count| {
+            let base = above.join("x".repeat(count));
+            std::fs::create_dir(&base).unwrap();
+            folder::create(&base).ok()
+        });
+        let address = LineAddress::at(&root.unwrap()).unwrap();
+        assert_eq!(address.root.as_os_str().len(), folder::ROOT_BYTES_MAX);
+        let join = |role| Line::join(&address, role, &Limits::default(), Arc::default()).unwrap();
+        {
+            let (store, process) = (join(Role::Store), join(Role::Process));
+            let _found = Subscriber::<DiscriminatorTopic>::open(&store).unwrap();
+            let sender = Publisher::<DiscriminatorTopic>::open(&process).unwrap();
+            assert!(!sender.poll_ready().unwrap(), "the handshake is sent over a connection");
+            let lengths = named(&address.prefix).map(|path| {
+                let name = path.file_name().unwrap().to_str().unwrap().to_owned();
+                let numbers = name.split(|c: char| !c.is_ascii_digit()).filter(|part| (25..40).contains(&part.len()));
+                name.len() + numbers.map(|number| 39 - number.len()).sum::<usize>()
+            });
+            let longest = lengths.max().unwrap();
+            assert!(longest > 150, "{longest}: there is no connection");
+            assert!(folder::ROOT_BYTES_MAX + 1 + longest <= 255, "{longest}");
+        }
+        address.remove();
     }
 
     #[test]
