@@ -308,6 +308,21 @@ fn a_killed_subscriber_does_not_hold_its_publisher() {
     publisher.join().unwrap();
 }
 
+/// Catches a wait for READY that takes a notification which the wait after it is for: that one would sleep a second.
+#[test]
+fn a_wait_for_ready_lets_the_next_wait_look_again() {
+    let place = Place::new();
+    let line = join(&place.0, Role::Acquire(0));
+    let publisher = Publisher::<TapTopic>::open(&line).unwrap();
+    let stages = [Role::Process, Role::Store].map(|role| Receiving::start(&place.0, role, 0, || ()));
+    publisher.wait_ready().unwrap();
+    let begun = Instant::now();
+    line.wait(LONG).unwrap();
+    assert!(begun.elapsed() < Duration::from_millis(900), "it sleeps although it may have missed something");
+    send_taps(&publisher, 0, 1).unwrap();
+    stages.into_iter().for_each(|stage| stage.assert_got(0..1));
+}
+
 /// A line that is over leaves nothing in shared memory.
 #[test]
 fn nothing_is_left_behind() {
