@@ -50,26 +50,27 @@ pub(crate) fn is_flat<C: Count>(samples: &[C], level: C, extent: Extent<C>, base
     if !is_extreme || extent.is_constant() {
         return false;
     }
-    let mut next = 0;
-    while let Some(from) = position(samples, level, next) {
-        next = from + 1 + samples[from + 1..].iter().take_while(|&&x| x == level).count();
+    let first = position(samples, level, 0);
+    let mut found = first;
+    while let Some(from) = found {
+        let next = from + 1 + samples[from + 1..].iter().take_while(|&&x| x == level).count();
         let is_cut = next - from >= RUN && (C::is_rail(level) || leaves(samples, from, next));
         if is_cut {
             return true;
         }
+        found = position(samples, level, next);
     }
-    is_flat_under_noise(samples, level, base, noise)
+    first.is_some_and(|at| is_flat_under_noise(samples, at, base, noise))
 }
 
-/// Whether the signal stays near the extreme `level` on its first visit, within the noise, for longer than a parabola
+/// Whether the signal stays near the extreme that it first reaches `at` this sample, within the noise, for longer than a parabola
 /// that then falls as far as the signal does.
 ///
 /// A parabola that has n samples within `d` of its vertex is `d` below it (n - 1)/2 samples away or more; r samples
 /// further on it is at most ((n/2 + r)/(n/2 - 1/2))^2 d below. A plateau of the signal's own turns down gently: half way
 /// there it has fallen by little. What is cut has a corner.
-fn is_flat_under_noise<C: Count>(samples: &[C], level: C, base: f64, (noise, leaving): (f64, Leaving)) -> bool {
-    let Some(at) = position(samples, level, 0) else { return false };
-    let level: f64 = level.into();
+fn is_flat_under_noise<C: Count>(samples: &[C], at: usize, base: f64, (noise, leaving): (f64, Leaving)) -> bool {
+    let level: f64 = samples[at].into();
     let (sign, band) = (if level < base { -1.0 } else { 1.0 }, BAND_SIGMAS * noise);
     let is_narrow = band > 0.0 && band < BAND_MAX * (level - base).abs();
     if !is_narrow {

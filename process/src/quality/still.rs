@@ -6,7 +6,7 @@ use crate::signal::record::Count;
 use crate::signal::wide::Kernel;
 
 /// Fewest equal samples in a row that count as a dropout, 0.3 ms at 40 kHz.
-const RUN_MIN: f64 = 12.0;
+const RUN_MIN: usize = 12;
 /// Of noise in which a sample equals the one before with probability p, a run of r equal samples begins at a given sample with
 /// probability p^(r - 1). A dropout is a run of probability exp(-40): of rumble, whose samples follow each other, a longer
 /// record than any has none.
@@ -24,13 +24,11 @@ const PROBES: usize = 16;
 ///
 /// A run at an extreme is not a dropout but clipping.
 pub(crate) fn stands_still<C: Count>(samples: &[C], extent: Extent<C>, base: f64, quiet_count: usize) -> bool {
-    let Some(run_min) = shortest_dropout(&samples[..quiet_count.min(QUIET_MAX).min(samples.len())]) else {
-        return false;
-    };
+    let quiet = &samples[..quiet_count.min(QUIET_MAX).min(samples.len())];
     let (above, below) = (extent.largest.into() - base, base - extent.least.into());
     let extreme = SHARE * if above > below { above } else { below };
     let (probes, _) = samples.as_chunks::<PROBE>();
-    let mut next = 0;
+    let (mut next, mut shortest) = (0, None);
     while let Some(number) = (Still { probes, from: next }).wide() {
         let at = number * PROBE;
         let level = samples[at];
@@ -40,21 +38,29 @@ pub(crate) fn stands_still<C: Count>(samples: &[C], extent: Extent<C>, base: f64
         next = after.div_ceil(PROBE).max(number + 1);
         let is_end = level == extent.largest || level == extent.least;
         let is_clipped = is_end && (level.into() - base).abs() >= extreme;
-        if (after - from) as f64 >= run_min && !is_clipped {
-            return true;
+        // Few channels have so long a run, and only for theirs it matters how often the noise repeats a sample.
+        if after - from >= RUN_MIN && !is_clipped {
+            let Some(run_min) = *shortest.get_or_insert_with(|| shortest_dropout(quiet)) else { return false };
+            if (after - from) as f64 >= run_min {
+                return true;
+            }
         }
     }
     false
 }
 
-/// Fewest equal samples in a row that the noise of `quiet` does not explain; `None` if it has too little noise to say.
+/// How many equal samples in a row the noise of `quiet` does not explain; `None` if it is too short to say.
 fn shortest_dropout<C: Count>(quiet: &[C]) -> Option<f64> {
-    let Repeats { equal_count, longest } = Repeated { samples: quiet }.wide();
+    let (mut equal_count, mut run, mut longest) = (0, 0, 0);
+    for [before, x] in quiet.array_windows() {
+        run = if before == x { run + 1 } else { 0 };
+        equal_count += usize::from(before == x);
+        longest = longest.max(run);
+    }
     // Without the longest run, which may itself be a dropout.
     let pair_count = quiet.len().checked_sub(1 + longest).filter(|&count| count >= PAIRS_MIN)?;
     let p = (equal_count - longest + 1) as f64 / (pair_count + 2) as f64;
-    let run_min = 1.0 + LN_IMPROBABLE / p.ln();
-    Some(if run_min > RUN_MIN { run_min } else { RUN_MIN })
+    Some(1.0 + LN_IMPROBABLE / p.ln())
 }
 
 /// The first probe from number `from` on that has one value.
@@ -82,49 +88,8 @@ impl<C: Count> Kernel for Still<'_, C> {
     }
 }
 
-/// Samples that equal the one before.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Repeats {
-    equal_count: usize,
-    /// Most of them in a row.
-    longest: usize,
-}
-
-struct Repeated<'a, C> {
-    samples: &'a [C],
-}
-
-impl<C: Count> Kernel for Repeated<'_, C> {
-    type Output = Repeats;
-
-    #[inline(always)]
-    fn run(self) -> Repeats {
-        // 1 where a run of `longest` equal pairs begins, 0 behind the last. Vectors make every run shorter by one faster than
-        // a walk finds the longest.
-        let mut room = [0_u16; QUIET_MAX];
-        let pair_count = self.samples.len().clamp(1, QUIET_MAX) - 1;
-        let begins = &mut room[..=pair_count];
-        for (begins, pair) in begins.iter_mut().zip(self.samples.array_windows::<2>()) {
-            *begins = u16::from(pair[0] == pair[1]);
-        }
-        let equal_count = begins.iter().sum::<u16>();
-        let (mut longest, mut left) = (0, equal_count);
-        while left > 0 {
-            longest += 1;
-            left = 0;
-            for at in 0..pair_count {
-                begins[at] &= begins[at + 1];
-                left += begins[at];
-            }
-        }
-        Repeats { equal_count: usize::from(equal_count), longest }
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use proptest::prelude::*;
-
     use super::*;
 
     /// Whether noise of `sigma` counts stands still, with `value` in `hole`.
@@ -161,21 +126,6 @@ mod tests {
             assert!(!still(sigma, 0..0, 0), "{sigma}");
         }
         assert!(!still(0.0, 5000..9000, 100) && !still(20.0, 5000..5008, 0));
-    }
-
-    proptest! {
-        /// Catches a run that is cut where two stretches meet, and one that is not ended between them: the twin looks at each pair.
-        #[test]
-        fn repeats_are_those_of_the_twin(samples in prop::collection::vec(prop_oneof![4 => 0..40_i16, 6 => Just(7_i16)], 1..400)) {
-            let mut expected = Repeats { equal_count: 0, longest: 0 };
-            let mut run = 0;
-            for pair in samples.windows(2) {
-                run = if pair[0] == pair[1] { run + 1 } else { 0 };
-                expected.equal_count += usize::from(pair[0] == pair[1]);
-                expected.longest = expected.longest.max(run);
-            }
-            prop_assert_eq!(Repeated { samples: &samples }.wide(), expected);
-        }
     }
 
     /// Catches clipping that counts as a dropout.

@@ -20,7 +20,7 @@ pub(crate) struct Medians {
 impl Medians {
     /// Median of `samples` in counts; the mean of the middle two if their number is even, 0 if there are none.
     pub(crate) fn median<C: Count>(&mut self, samples: &[C]) -> f64 {
-        self.middle(samples, |x| x.key(), C::from_key)
+        self.middle(samples, |x| x.key(), |key| C::from_key(key).into())
     }
 
     /// Standard deviation of `samples` around `base`, which is a median of samples. It is estimated as 1.4826 times the
@@ -80,28 +80,27 @@ impl<K: Key> Kernel for Middle<'_, K> {
         let least = low;
         // The upper of the two is the least value that more than half of the keys do not exceed.
         let half = self.keys.len() / 2;
+        let mut below = 0;
         while low < high {
             let (from, span) = (low.into(), high.into() - low.into());
             // All of them are between keys.
             let at = [0, span / 4, span / 4 + 1, span / 2, span / 2 + 1, 3 * span / 4, 3 * span / 4 + 1, span]
                 .map(|part| K::try_from(from + part).unwrap_or(high));
+            let [a, b, c] = self.counts([at[1], at[3], at[5]]);
             // Arithmetic instead of a branch, which could not be predicted.
-            let quarter: usize =
-                self.counts([at[1], at[3], at[5]]).into_iter().map(|count| usize::from(count <= half)).sum();
+            let quarter: usize = [a, b, c].into_iter().map(|count| usize::from(count <= half)).sum();
+            below = [below, a, b, c][quarter];
             (low, high) = (at[2 * quarter], at[2 * quarter + 1]);
         }
         let upper = low;
-        let (mut lower, mut below) = (least, 0);
-        for keys in self.keys.chunks(K::MAX) {
-            let mut count = K::from(false);
-            for &key in keys {
-                count += K::from(key < upper);
-                lower = lower.max(if key < upper { key } else { least });
-            }
-            below += count.into();
+        if !self.keys.len().is_multiple_of(2) || below < half {
+            return Some((upper, upper));
         }
-        let is_pair = self.keys.len().is_multiple_of(2) && below == half as i64;
-        Some((if is_pair { lower } else { upper }, upper))
+        let mut lower = least;
+        for &key in self.keys {
+            lower = lower.max(if key < upper { key } else { least });
+        }
+        Some((lower, upper))
     }
 }
 

@@ -110,7 +110,7 @@ impl Blocks {
         keys.clear();
         keys.extend(blocks.iter().map(|block| (square(block) as f32).key()));
         let middle = keys.len() / 2;
-        let median = f32::from_key(*keys.select_nth_unstable(middle).1);
+        let median = f64::from(f32::from_key(*keys.select_nth_unstable(middle).1));
         Some(if median > 0.0 { median.sqrt() } else { 0.0 })
     }
 }

@@ -73,9 +73,6 @@ impl<C: Count> Kernel for First<'_, C> {
     }
 }
 
-/// Lanes of [`Extremes`].
-const LANES: usize = 32;
-
 struct Extremes<'a, C> {
     samples: &'a [C],
 }
@@ -85,28 +82,15 @@ impl<C: Count> Kernel for Extremes<'_, C> {
 
     #[inline(always)]
     fn run(self) -> Option<Extent<C>> {
-        let first = *self.samples.first()?;
-        let (mut least, mut largest, mut is_number) = ([first; LANES], [first; LANES], [true; LANES]);
-        let (rows, rest) = self.samples.as_chunks::<LANES>();
-        // Uses lanes, because the compiler may not reorder a minimum of floats into SIMD.
-        for row in rows {
-            for lane in 0..LANES {
-                let x = row[lane];
-                least[lane] = if x < least[lane] { x } else { least[lane] };
-                largest[lane] = if x > largest[lane] { x } else { largest[lane] };
-                is_number[lane] &= x.is_number();
-            }
+        // Keys are integers, of which the compiler finds the extremes in vectors. What is not a number has the least or the largest.
+        let first = self.samples.first()?.key();
+        let (mut least, mut largest) = (first, first);
+        for x in self.samples {
+            least = least.min(x.key());
+            largest = largest.max(x.key());
         }
-        let (rest_min, rest_largest) = rest.iter().fold((first, first), |(least, largest), &x| {
-            (if x < least { x } else { least }, if x > largest { x } else { largest })
-        });
-        let is_sound = is_number.into_iter().fold(true, |all, is_one| all & is_one)
-            & rest.iter().fold(true, |all, x| all & x.is_number());
-        let extent = Extent {
-            least: least.into_iter().fold(rest_min, |a, b| if b < a { b } else { a }),
-            largest: largest.into_iter().fold(rest_largest, |a, b| if b > a { b } else { a }),
-        };
-        is_sound.then_some(extent)
+        let extent = Extent { least: C::from_key(least), largest: C::from_key(largest) };
+        (extent.least.is_number() && extent.largest.is_number()).then_some(extent)
     }
 }
 

@@ -19,12 +19,12 @@ pub(crate) trait Count: Copy + PartialOrd + Into<f64> {
     fn exact_f32(self) -> f32;
     /// Whether four samples are one value.
     fn are_equal(four: [Self; 4]) -> bool;
-    /// Integers that order as samples do, and as their distances from a base do.
+    /// Integers that order as samples do, and as their distances from a base do; what is not a number is the least or the largest.
     type Key: Key;
     /// The key of the sample.
     fn key(self) -> Self::Key;
-    /// The counts that have the key `key`.
-    fn from_key(key: Self::Key) -> f64;
+    /// The sample that has the key `key`.
+    fn from_key(key: Self::Key) -> Self;
     /// The key of |sample - `base`|, `base` being a median of samples.
     fn distance_key(self, base: f64) -> Self::Key;
     /// The distance from `base` that has the key `key`.
@@ -67,8 +67,8 @@ impl Count for i16 {
     fn key(self) -> i16 {
         self
     }
-    fn from_key(key: i16) -> f64 {
-        f64::from(key)
+    fn from_key(key: i16) -> Self {
+        key
     }
     fn distance_key(self, base: f64) -> i16 {
         // A base of half a count is half a count from every sample; the key is the distance without it. From 0 to 65535, so
@@ -110,11 +110,11 @@ impl Count for f32 {
     fn distance_key(self, base: f64) -> i32 {
         ((f64::from(self) - base).abs() as f32).key()
     }
-    fn from_key(key: i32) -> f64 {
-        f64::from(f32::from_bits(in_order(key) as u32))
+    fn from_key(key: i32) -> Self {
+        Self::from_bits(in_order(key) as u32)
     }
     fn from_distance_key(key: i32, _base: f64) -> f64 {
-        Self::from_key(key)
+        f64::from(Self::from_key(key))
     }
     fn centred<T: Real>(self, base: f64, gain: f64) -> T {
         // In double precision, because an offset of many times the signal would cost it digits.
