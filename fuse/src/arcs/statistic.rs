@@ -38,6 +38,18 @@ struct Depth {
     by_length: Vec<Scatter>,
 }
 
+impl Depth {
+    /// The scores of a place from their `sum` over the offsets. Where offsets are missing, the sum of the others scatters as that of so
+    /// many.
+    fn scores(&self, sum: &Sum) -> Vector {
+        let sums = sum.over_root();
+        std::array::from_fn(|d| {
+            let others = f64::from(sum.count(d)) - 1.0;
+            (sums[d] - self.mean[d]) / (1.0 + others * self.correlation[d]).sqrt()
+        })
+    }
+}
+
 /// An arc and how far it stands out.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Arc {
@@ -77,11 +89,17 @@ impl ArcStatistic {
     /// How the sums over the first `depth` offsets of sound places lie; how arcs scatter is not told yet.
     fn depth(&self, depth: usize, reference: &[(&Ring, Scores)], is_own: bool) -> Depth {
         let (mut mean, mut correlation) = ([0.0; ABSENT.len()], [0.0; ABSENT.len()]);
+        let mut sums = Vec::new();
+        for (ring, scores) in reference {
+            for place in 0..ring.len() {
+                let mut sum = Sum::default();
+                self.offsets[..depth].iter().for_each(|&offset| sum.add(&scores.by_offset[offset][place]));
+                sums.push((sum, sum.over_root()));
+            }
+        }
         for d in 0..ABSENT.len() {
-            let places = reference.iter().flat_map(|(ring, scores)| (0..ring.len()).map(move |place| (scores, place)));
-            let sums = places.map(|(scores, place)| self.sum(depth, &scores.by_offset, place, d));
-            let full: Vec<f64> =
-                sums.filter(|&(_, count)| count == depth).map(|(sum, count)| sum / (count as f64).sqrt()).collect();
+            let full = sums.iter().filter(|(sum, _)| sum.count(d) as usize == depth);
+            let full: Vec<f64> = full.map(|(_, over_root)| over_root[d]).collect();
             let scatter = if full.len() < PLACES_MIN { None } else { spread(&full, is_own) };
             let (centre, sd) = scatter.unwrap_or((0.0, 1.0));
             mean[d] = centre;
@@ -126,27 +144,15 @@ impl ArcStatistic {
         self.depths.iter().map(|depth| &depth.by_length[0])
     }
 
-    /// The sum of the scores of discriminator number `d` over the first `depth` offsets at `place`, and how many there are.
-    fn sum(&self, depth: usize, by_offset: &[Vec<Vector>], place: usize, d: usize) -> (f64, usize) {
-        let values = self.offsets[..depth].iter().map(|&offset| by_offset[offset][place][d]);
-        values.filter(|value| value.is_finite()).fold((0.0, 0), |(sum, count), value| (sum + value, count + 1))
-    }
-
     /// The scores of the places of a shoulder, from those `[offset][place]`.
     pub(crate) fn maps(&self, by_offset: &[Vec<Vector>]) -> Maps {
         let place_count = by_offset.first().map_or(0, Vec::len);
-        let of = |(number, depth): (usize, &Depth)| {
-            let value = |place: usize| -> Vector {
-                std::array::from_fn(|d| {
-                    let (sum, count) = self.sum(number + 1, by_offset, place, d);
-                    let n = count as f64;
-                    // Where offsets are missing, the sum of the others scatters as that of so many.
-                    (sum / n.sqrt() - depth.mean[d]) / (1.0 + (n - 1.0) * depth.correlation[d]).sqrt()
-                })
-            };
-            (0..place_count).map(value).collect()
+        let mut sums = vec![Sum::default(); place_count];
+        let of = |(depth, &offset): (&Depth, &usize)| {
+            sums.iter_mut().zip(&by_offset[offset]).for_each(|(sum, scores)| sum.add(scores));
+            sums.iter().map(|sum| depth.scores(sum)).collect()
         };
-        self.depths.iter().enumerate().map(of).collect()
+        self.depths.iter().zip(&self.offsets).map(of).collect()
     }
 
     /// The evidence of the arc of `place` and its neighbours at each depth that `place` has a value at.

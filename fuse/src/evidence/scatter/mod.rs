@@ -8,7 +8,7 @@ use rand::Rng;
 use rand_distr::{Distribution as _, StandardNormal};
 
 use crate::evidence::covariance::Covariance;
-use crate::evidence::{ABSENT, Vector, WIDTH};
+use crate::evidence::{Vector, WIDTH};
 
 /// A variance at or below this is rounding: that of what counts is near 1.
 const VARIANCE_MIN: f64 = 1e-12;
@@ -25,7 +25,7 @@ type Square = [Vector; WIDTH];
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Scatter {
     covariance: Square,
-    /// Lower triangle whose product with itself is the covariance.
+    /// The columns of the lower triangle whose product with itself is the covariance.
     factor: Square,
     /// The columns of the factor's inverse, 0 where nothing varies.
     whitening: Square,
@@ -54,16 +54,16 @@ impl Scatter {
     fn factor(&mut self) {
         for &i in &self.used {
             for &j in self.used.iter().take_while(|&&j| j <= i) {
-                let before: f64 = (0..j).map(|k| self.factor[i][k] * self.factor[j][k]).sum();
+                let before: f64 = (0..j).map(|k| self.factor[k][i] * self.factor[k][j]).sum();
                 let rest = self.covariance[i][j] - before;
-                self.factor[i][j] =
+                self.factor[j][i] =
                     if i > j { rest / self.factor[j][j] } else { root_of_rest(rest, self.covariance[i][i]) };
             }
         }
         // Column by column: what the factor makes 1 in its place and 0 elsewhere.
         for &column in &self.used {
             for &i in self.used.iter().filter(|&&i| i >= column) {
-                let before: f64 = (column..i).map(|k| self.factor[i][k] * self.whitening[column][k]).sum();
+                let before: f64 = (column..i).map(|k| self.factor[k][i] * self.whitening[column][k]).sum();
                 self.whitening[column][i] = (f64::from(u8::from(i == column)) - before) / self.factor[i][i];
             }
         }
@@ -110,11 +110,6 @@ impl Scatter {
         self.with(|i, j| times[i] * times[j] * self.covariance[i][j])
     }
 
-    /// The same without what two discriminators move together.
-    pub(crate) fn uncorrelated(&self) -> Self {
-        self.with(|i, j| if i == j { self.covariance[i][j] } else { 0.0 })
-    }
-
     /// The same drawn towards `other` by the part `fraction`.
     pub(crate) fn mixed(&self, other: &Self, fraction: f64) -> Self {
         self.with(|i, j| (1.0 - fraction) * self.covariance[i][j] + fraction * other.covariance[i][j])
@@ -151,12 +146,15 @@ impl Scatter {
         white
     }
 
-    /// Scores drawn from noise that scatters so.
+    /// Scores drawn from noise that scatters so; 0 of what does not count.
     pub(crate) fn draw(&self, rng: &mut impl Rng) -> Vector {
-        let (mut drawn, mut normal) = (ABSENT, [0.0; WIDTH]);
-        for &i in &self.used {
-            normal[i] = StandardNormal.sample(rng);
-            drawn[i] = (0..=i).map(|k| self.factor[i][k] * normal[k]).sum();
+        // Whole columns, so that the compiler can use vectors.
+        let mut drawn = [0.0; WIDTH];
+        for &k in &self.used {
+            let normal: f64 = StandardNormal.sample(rng);
+            for (drawn, part) in drawn.iter_mut().zip(&self.factor[k]) {
+                *drawn += part * normal;
+            }
         }
         drawn
     }
@@ -178,6 +176,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
+    use crate::evidence::ABSENT;
 
     #[test]
     fn noise_scatters_as_it_is_told() {

@@ -12,6 +12,12 @@ impl Scatter {
         greater(self.there(scores).orthants(scores).map(|orthant| orthant.greatest()))
     }
 
+    /// The same where what two discriminators move together counts twice: the length of what is above 0, each by its own deviation.
+    pub(crate) fn evidence_apart(&self, scores: &Vector) -> f64 {
+        let above = self.used().map(|d| if scores[d] > 0.0 { scores[d] / self.deviation(d) } else { 0.0 });
+        above.map(|above| above * above).sum::<f64>().sqrt()
+    }
+
     /// The evidence of `scores` if it is above `least`; mostly faster than to compute it and compare.
     pub(crate) fn evidence_above(&self, least: f64, scores: &Vector) -> Option<f64> {
         if least <= 0.0 {
@@ -180,6 +186,28 @@ mod tests {
         let scatter = Scatter::new(&Mat::from_fn(2, 2, |i, j| if i == j { 1.0 } else { -0.9 }));
         assert!(scatter.evidence(&vector(&[2.0, -1.8])) < 2.1);
         assert!(scatter.evidence(&vector(&[1.0, 1.0])) > 4.0);
+    }
+
+    #[test]
+    fn apart_from_each_other_scores_count_as_by_a_scatter_without_correlation() {
+        // Catches a fall that counts, a variance for a deviation, and one that is absent or does not vary.
+        let matrix = |correlation| {
+            Mat::from_fn(4, 4, |i, j| {
+                if i == 3 || j == 3 {
+                    0.0
+                } else if i == j {
+                    4.0
+                } else {
+                    correlation
+                }
+            })
+        };
+        let (scatter, apart) = (Scatter::new(&matrix(3.0)), Scatter::new(&matrix(0.0)));
+        for scores in [[2.0, -6.0, 4.0, 9.0], [2.0, 6.0, f64::NAN, 9.0], [-1.0, 5.0, -2.0, 9.0]] {
+            let found = scatter.evidence_apart(&vector(&scores));
+            assert!((found - apart.evidence(&vector(&scores))).abs() < 1e-12, "{scores:?}: {found}");
+        }
+        assert!(scatter.evidence_apart(&vector(&[-1.0, -2.0, -3.0])).abs() < 1e-12);
     }
 
     #[test]

@@ -129,7 +129,7 @@ impl Fused {
 
     /// Places that do not stand out, by shoulder.
     fn inliers(&self, casing: &[&Shoulder], levels: &[Levels]) -> Vec<Vec<bool>> {
-        let is_inlier = |near: Vector| self.near_scatter.evidence_above(self.near_limit, &near).is_none();
+        let is_inlier = |near: Vector| self.near_scatter.evidence_apart(&near) <= self.near_limit;
         let of = |(shoulder, levels)| self.near_means(shoulder, levels).into_iter().map(is_inlier).collect();
         casing.iter().copied().zip(levels).map(of).collect()
     }
@@ -227,12 +227,11 @@ impl Fused {
             let near = self.near_means(shoulder, levels).into_iter().zip(kept.clone());
             near.filter(|(_, kept)| *kept).map(|(near, _)| near)
         });
-        let near = self.scatter_of(sound.collect());
-        // By what two discriminators do together a level that is a little off would show everywhere.
-        self.near_scatter = near.uncorrelated();
+        self.near_scatter = self.scatter_of(sound.collect());
+        let near = &self.near_scatter;
+        // Apart from each other: by what two discriminators do together a level that is a little off would show everywhere.
         let mut rng = ChaCha8Rng::seed_from_u64(0);
-        let mut drawn: Vec<f64> = (0..DRAWN_COUNT).map(|_| self.near_scatter.evidence(&near.draw(&mut rng))).collect();
-        drawn.retain(|evidence| evidence.is_finite());
+        let mut drawn: Vec<f64> = (0..DRAWN_COUNT).map(|_| near.evidence_apart(&near.draw(&mut rng))).collect();
         self.near_limit = quantile(&mut drawn, 1.0 - OUTLIER_FRACTION).unwrap_or(f64::INFINITY);
     }
 
