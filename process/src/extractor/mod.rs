@@ -16,7 +16,7 @@ use crate::quality::{
 use crate::signal::area::area;
 use crate::signal::baseline::{Medians, baseline_count};
 use crate::signal::blocks::Blocks;
-use crate::signal::extent::Extent;
+use crate::signal::extent::{Extent, Extremes};
 use crate::signal::hum::Hum;
 use crate::signal::record::{Count, Record, Track};
 use crate::sound::{SOUND_M_PER_S, deviation, magnitude_area, magnitude_of_noise};
@@ -123,7 +123,7 @@ impl<T: Real> Extractor<T> {
         report: &mut QualityReport,
     ) -> Result<Pulse, Quality> {
         let track = record.force.ok_or(Quality::NO_FORCE)?;
-        let extent = extent_of(track)?;
+        let extent = checked(track, fill_means(track.samples, &mut self.means))?;
         if extent.is_constant() {
             report.note(Quality::NO_FORCE); // a channel of zeros counts as none
         }
@@ -132,7 +132,6 @@ impl<T: Real> Extractor<T> {
         let before = &track.samples[..baseline_count.unwrap_or(track.samples.len())];
         let base = self.medians.median(before);
         let noise = self.medians.noise_counts(before, base);
-        fill_means(track.samples, &mut self.means);
         self.force_balance = Some(quality::balance(extent, base)).filter(|_| !extent.is_constant());
         self.finder.set_droop(self.config.droop_time_constant_s * record.sample_rate_hz);
         let pulse = match baseline_count {
@@ -171,11 +170,6 @@ impl<T: Real> Extractor<T> {
         report: &mut QualityReport,
     ) -> Result<(), Quality> {
         let track = record.sound.ok_or(Quality::NO_SOUND)?;
-        let extent = extent_of(track)?;
-        if extent.is_constant() || track.unit_per_count == 0.0 {
-            report.note(Quality::NO_SOUND);
-            return Err(Quality::NO_ONSET); // a dead microphone has no spectrum rather than a quiet one
-        }
         let baseline_count = baseline_count(record.pre_trigger_samples, track.samples.len());
         let baseline = baseline_count.map(|count| {
             let before = &track.samples[..count];
@@ -183,12 +177,23 @@ impl<T: Real> Extractor<T> {
             (base, self.medians.noise_counts(before, base))
         });
         let base = baseline.map_or(0.0, |(base, _)| base); // the mean is in no band
-        let gain = extent.gain(base);
+        let gain = match C::HAS_ANY_SCALE {
+            true => checked(track, Extent::find(track.samples))?.gain(base),
+            false => 1.0,
+        };
         self.signal.resize(track.samples.len(), T::zero());
+        let mut extremes = track.samples.first().map(|&first| Extremes::of(first)).ok_or(Quality::NO_SOUND)?;
         let centred = |from: usize, to: &mut [T]| {
-            to.iter_mut().zip(&track.samples[from..]).for_each(|(to, &x)| *to = x.centred(base, gain));
+            let samples = &track.samples[from..][..to.len()];
+            extremes.add(samples);
+            to.iter_mut().zip(samples).for_each(|(to, &x)| *to = x.centred(base, gain));
         };
         self.blocks.fill(&mut self.signal, record.sample_rate_hz, centred);
+        let extent = checked(track, extremes.extent())?;
+        if extent.is_constant() || track.unit_per_count == 0.0 {
+            report.note(Quality::NO_SOUND);
+            return Err(Quality::NO_ONSET); // a dead microphone has no spectrum rather than a quiet one
+        }
         let unit = track.unit_per_count.abs() / gain;
         let travel_samples = microphone_distance_m / SOUND_M_PER_S * record.sample_rate_hz;
         let sound = SoundRecord {
@@ -307,10 +312,9 @@ impl<T: Real> Extractor<T> {
     }
 }
 
-/// Extent of a channel; an error if a sample or the scale is not a number.
-fn extent_of<C: Count>(track: Track<'_, C>) -> Result<Extent<C>, Quality> {
-    let has_scale = track.unit_per_count.is_finite();
-    Extent::find(track.samples).filter(|_| has_scale).ok_or(Quality::NON_FINITE)
+/// The `extent` of a channel; an error if a sample or the scale is not a number.
+fn checked<C>(track: Track<'_, C>, extent: Option<Extent<C>>) -> Result<Extent<C>, Quality> {
+    extent.filter(|_| track.unit_per_count.is_finite()).ok_or(Quality::NON_FINITE)
 }
 
 /// The discriminators and flags found so far.

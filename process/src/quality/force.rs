@@ -10,7 +10,7 @@ use super::spike::has_spike;
 use super::{OF_SPECTRUM, QualityConfig, QualityReport};
 use crate::force::{NOISE_SIGMAS, Pulse};
 use crate::signal::baseline::Medians;
-use crate::signal::extent::{Extent, position};
+use crate::signal::extent::{Extent, Extremes, position};
 use crate::signal::hum::Hum;
 use crate::signal::record::{Count, Track};
 use crate::signal::wide::Kernel;
@@ -66,27 +66,36 @@ pub(crate) struct ForceRecord<'a, C> {
 /// Samples of a mean: a pulse has [`PULSE_SAMPLES`] or more.
 pub(crate) const MEAN_OF: usize = PULSE_SAMPLES;
 
-/// Fills `means` with those of every [`MEAN_OF`] of `samples`.
-pub(crate) fn fill_means<C: Count>(samples: &[C], means: &mut Vec<f32>) {
-    let (rows, _) = samples.as_chunks::<MEAN_OF>();
-    means.resize(rows.len(), 0.0);
-    Means { rows, means }.wide();
+/// Fills `means` with those of every [`MEAN_OF`] of `samples`; returns their extent, `None` when there is none or one is not a number.
+pub(crate) fn fill_means<C: Count>(samples: &[C], means: &mut Vec<f32>) -> Option<Extent<C>> {
+    means.resize(samples.len() / MEAN_OF, 0.0);
+    Means { samples, means }.wide()
 }
 
+/// Means of samples that are looked at together: memory, not arithmetic, limits passes over a record.
+const MEANS: usize = 64;
+
 struct Means<'a, C> {
-    rows: &'a [[C; MEAN_OF]],
+    samples: &'a [C],
     means: &'a mut [f32],
 }
 
 impl<C: Count> Kernel for Means<'_, C> {
-    type Output = ();
+    type Output = Option<Extent<C>>;
 
     #[inline(always)]
-    fn run(self) {
-        for (mean, row) in self.means.iter_mut().zip(self.rows) {
-            let [a, b, c, d, e, f, g, h] = row.map(C::exact_f32);
-            *mean = (((a + e) + (b + f)) + ((c + g) + (d + h))) / MEAN_OF as f32;
+    fn run(self) -> Option<Extent<C>> {
+        let mut extremes = Extremes::of(*self.samples.first()?);
+        for (samples, means) in self.samples.chunks(MEANS * MEAN_OF).zip(self.means.chunks_mut(MEANS)) {
+            extremes.add(samples);
+            for (mean, row) in means.iter_mut().zip(samples.as_chunks::<MEAN_OF>().0) {
+                let [a, b, c, d, e, f, g, h] = row.map(C::exact_f32);
+                *mean = (((a + e) + (b + f)) + ((c + g) + (d + h))) / MEAN_OF as f32;
+            }
         }
+        // Those that fill no mean are in no chunk where there are no means beside them.
+        extremes.add(&self.samples[self.means.len() * MEAN_OF..]);
+        extremes.extent()
     }
 }
 

@@ -45,7 +45,7 @@ pub(crate) struct Blocks {
 impl Blocks {
     /// Lets `write` fill the `signal` stretch by stretch, given where each begins, and computes the blocks. Samples at
     /// the end that do not fill a block are written but are in no block.
-    pub(crate) fn fill<T: Real>(&mut self, signal: &mut [T], sample_rate_hz: f64, write: impl Fn(usize, &mut [T])) {
+    pub(crate) fn fill<T: Real>(&mut self, signal: &mut [T], sample_rate_hz: f64, write: impl FnMut(usize, &mut [T])) {
         let asked_for = samples_per_block(sample_rate_hz);
         self.are_short = asked_for < BLOCK_SAMPLES;
         self.count = asked_for.max(BLOCK_SAMPLES);
@@ -159,12 +159,12 @@ struct Fill<'a, T, W> {
     blocks: &'a mut [Block],
 }
 
-impl<T: Real, W: Fn(usize, &mut [T])> Kernel for Fill<'_, T, W> {
+impl<T: Real, W: FnMut(usize, &mut [T])> Kernel for Fill<'_, T, W> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let Self { signal, write, count, blocks } = self;
+        let Self { signal, mut write, count, blocks } = self;
         let part = 1.0 / count as f64;
         let mut sums: [[T; GROUP * LANES]; 4] = [[T::zero(); GROUP * LANES]; 4];
         let mut from = 0;

@@ -13,7 +13,7 @@ pub(crate) struct Extent<C> {
 impl<C: Count> Extent<C> {
     /// The extent of `samples`; `None` when there is none or one is not a number.
     pub(crate) fn find(samples: &[C]) -> Option<Self> {
-        Extremes { samples }.wide()
+        Whole { samples }.wide()
     }
 
     /// Whether all samples are the same.
@@ -73,24 +73,49 @@ impl<C: Count> Kernel for First<'_, C> {
     }
 }
 
-struct Extremes<'a, C> {
+/// The least and the largest of the samples so far, by their keys: integers, of which the compiler finds the extremes in vectors. What
+/// is not a number has the least key or the largest.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Extremes<C: Count> {
+    least: C::Key,
+    largest: C::Key,
+}
+
+impl<C: Count> Extremes<C> {
+    /// Those of one sample.
+    pub(crate) fn of(first: C) -> Self {
+        Self { least: first.key(), largest: first.key() }
+    }
+
+    /// Looks at more `samples`.
+    #[inline(always)]
+    pub(crate) fn add(&mut self, samples: &[C]) {
+        for x in samples {
+            self.least = self.least.min(x.key());
+            self.largest = self.largest.max(x.key());
+        }
+    }
+
+    /// The extent; `None` when a sample is not a number.
+    #[inline(always)]
+    pub(crate) fn extent(&self) -> Option<Extent<C>> {
+        let extent = Extent { least: C::from_key(self.least), largest: C::from_key(self.largest) };
+        (extent.least.is_number() && extent.largest.is_number()).then_some(extent)
+    }
+}
+
+struct Whole<'a, C> {
     samples: &'a [C],
 }
 
-impl<C: Count> Kernel for Extremes<'_, C> {
+impl<C: Count> Kernel for Whole<'_, C> {
     type Output = Option<Extent<C>>;
 
     #[inline(always)]
     fn run(self) -> Option<Extent<C>> {
-        // Keys are integers, of which the compiler finds the extremes in vectors. What is not a number has the least or the largest.
-        let first = self.samples.first()?.key();
-        let (mut least, mut largest) = (first, first);
-        for x in self.samples {
-            least = least.min(x.key());
-            largest = largest.max(x.key());
-        }
-        let extent = Extent { least: C::from_key(least), largest: C::from_key(largest) };
-        (extent.least.is_number() && extent.largest.is_number()).then_some(extent)
+        let mut extremes = Extremes::of(*self.samples.first()?);
+        extremes.add(self.samples);
+        extremes.extent()
     }
 }
 
