@@ -146,13 +146,13 @@ impl ArcStatistic {
 
     /// The scores of the places of a shoulder, from those `[offset][place]`.
     pub(crate) fn maps(&self, by_offset: &[Vec<Vector>]) -> Maps {
-        let place_count = by_offset.first().map_or(0, Vec::len);
-        let mut sums = vec![Sum::default(); place_count];
-        let of = |(depth, &offset): (&Depth, &usize)| {
+        let mut sums = vec![Sum::default(); by_offset.first().map_or(0, Vec::len)];
+        let mut maps = Maps::with_capacity(self.depths.len());
+        for (depth, &offset) in self.depths.iter().zip(&self.offsets) {
             sums.iter_mut().zip(&by_offset[offset]).for_each(|(sum, scores)| sum.add(scores));
-            sums.iter().map(|sum| depth.scores(sum)).collect()
-        };
-        self.depths.iter().zip(&self.offsets).map(of).collect()
+            maps.push(sums.iter().map(|sum| depth.scores(sum)).collect());
+        }
+        maps
     }
 
     /// The evidence of the arc of `place` and its neighbours at each depth that `place` has a value at.

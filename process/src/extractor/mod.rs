@@ -177,19 +177,19 @@ impl<T: Real> Extractor<T> {
             (base, self.medians.noise_counts(before, base))
         });
         let base = baseline.map_or(0.0, |(base, _)| base); // the mean is in no band
-        let gain = match C::HAS_ANY_SCALE {
-            true => checked(track, Extent::find(track.samples))?.gain(base),
-            false => 1.0,
-        };
+        let known = if C::NEEDS_GAIN { Some(checked(track, Extent::find(track.samples))?) } else { None };
+        let gain = known.map_or(1.0, |extent| extent.gain(base));
+        let mut extremes = Extremes::of(*track.samples.first().ok_or(Quality::NON_FINITE)?);
         self.signal.resize(track.samples.len(), T::zero());
-        let mut extremes = track.samples.first().map(|&first| Extremes::of(first)).ok_or(Quality::NO_SOUND)?;
         let centred = |from: usize, to: &mut [T]| {
             let samples = &track.samples[from..][..to.len()];
-            extremes.add(samples);
+            if !C::NEEDS_GAIN {
+                extremes.add(samples);
+            }
             to.iter_mut().zip(samples).for_each(|(to, &x)| *to = x.centred(base, gain));
         };
         self.blocks.fill(&mut self.signal, record.sample_rate_hz, centred);
-        let extent = checked(track, extremes.extent())?;
+        let extent = checked(track, known.or_else(|| extremes.extent()))?;
         if extent.is_constant() || track.unit_per_count == 0.0 {
             report.note(Quality::NO_SOUND);
             return Err(Quality::NO_ONSET); // a dead microphone has no spectrum rather than a quiet one

@@ -63,8 +63,8 @@ pub(crate) fn is_flat<C: Count>(samples: &[C], level: C, extent: Extent<C>, base
     first.is_some_and(|at| is_flat_under_noise(samples, at, base, noise))
 }
 
-/// Whether the signal stays near the extreme that it first reaches `at` this sample, within the noise, for longer than a parabola
-/// that then falls as far as the signal does.
+/// Whether the signal stays near the extreme, first reached at sample `at`, within the noise, for longer than a parabola that then
+/// falls as far as the signal does.
 ///
 /// A parabola that has n samples within `d` of its vertex is `d` below it (n - 1)/2 samples away or more; r samples
 /// further on it is at most ((n/2 + r)/(n/2 - 1/2))^2 d below. A plateau of the signal's own turns down gently: half way

@@ -93,7 +93,7 @@ impl<C: Count> Kernel for Means<'_, C> {
                 *mean = (((a + e) + (b + f)) + ((c + g) + (d + h))) / MEAN_OF as f32;
             }
         }
-        // Those that fill no mean are in no chunk where there are no means beside them.
+        // The last samples, which are fewer than a mean has.
         extremes.add(&self.samples[self.means.len() * MEAN_OF..]);
         extremes.extent()
     }
@@ -344,4 +344,33 @@ fn is_whole_impact<C: Count>(
     // The layer returns no more impulse than the impactor brought.
     let is_one = impulse(force.track.samples.len(), noise_limit) < ONE_IMPACT * m_v;
     !(is_part && is_one)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches samples that are in no mean and therefore in no extent either, and a mean of the wrong eight: lengths around those of
+    /// whole means and whole groups of them.
+    #[test]
+    fn one_pass_finds_means_and_extent() {
+        let mut means = Vec::new();
+        for count in (1..20).chain(505..530) {
+            let samples: Vec<f32> = (0..count).map(|i| (i * i % 37) as f32).collect();
+            for place in [0, count / 2, count - 1] {
+                for value in [-7.0, 70.0, f32::NAN, f32::NEG_INFINITY] {
+                    let mut samples = samples.clone();
+                    samples[place] = value;
+                    assert_eq!(
+                        fill_means(&samples, &mut means),
+                        Extent::find(&samples),
+                        "{value} at {place} of {count}"
+                    );
+                }
+            }
+            fill_means(&samples, &mut means);
+            let expected: Vec<f32> = samples.chunks_exact(8).map(|eight| eight.iter().sum::<f32>() / 8.0).collect();
+            assert_eq!(means, expected);
+        }
+    }
 }

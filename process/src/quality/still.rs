@@ -28,7 +28,7 @@ pub(crate) fn stands_still<C: Count>(samples: &[C], extent: Extent<C>, base: f64
     let (above, below) = (extent.largest.into() - base, base - extent.least.into());
     let extreme = SHARE * if above > below { above } else { below };
     let (probes, _) = samples.as_chunks::<PROBE>();
-    let (mut next, mut shortest) = (0, None);
+    let (mut next, mut unexplained) = (0, None);
     while let Some(number) = (Still { probes, from: next }).wide() {
         let at = number * PROBE;
         let level = samples[at];
@@ -40,7 +40,7 @@ pub(crate) fn stands_still<C: Count>(samples: &[C], extent: Extent<C>, base: f64
         let is_clipped = is_end && (level.into() - base).abs() >= extreme;
         // Few channels have so long a run, and only for theirs it matters how often the noise repeats a sample.
         if after - from >= RUN_MIN && !is_clipped {
-            let Some(run_min) = *shortest.get_or_insert_with(|| shortest_dropout(quiet)) else { return false };
+            let Some(run_min) = *unexplained.get_or_insert_with(|| unexplained_run(quiet)) else { return false };
             if (after - from) as f64 >= run_min {
                 return true;
             }
@@ -49,8 +49,9 @@ pub(crate) fn stands_still<C: Count>(samples: &[C], extent: Extent<C>, base: f64
     false
 }
 
-/// How many equal samples in a row the noise of `quiet` does not explain; `None` if it is too short to say.
-fn shortest_dropout<C: Count>(quiet: &[C]) -> Option<f64> {
+/// How many equal samples in a row the noise of `quiet` does not explain, which may be fewer than [`RUN_MIN`]; `None` if it has too
+/// little noise to say.
+fn unexplained_run<C: Count>(quiet: &[C]) -> Option<f64> {
     let (mut equal_count, mut run, mut longest) = (0, 0, 0);
     for [before, x] in quiet.array_windows() {
         run = if before == x { run + 1 } else { 0 };
@@ -117,6 +118,7 @@ mod tests {
             }
         }
         assert!((0..PROBE).all(|shift| still(20.0, 5000 + shift..5012 + shift, 0)), "the shortest, at every place");
+        assert!(still(20.0, 100..113, 0), "a short one in the quiet time, which is no noise of its own");
     }
 
     /// Catches quiet noise taken for a dropout, and a channel without noise that is said to stand still.

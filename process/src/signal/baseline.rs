@@ -80,6 +80,7 @@ impl<K: Key> Kernel for Middle<'_, K> {
         let least = low;
         // The upper of the two is the least value that more than half of the keys do not exceed.
         let half = self.keys.len() / 2;
+        // How many keys are below `low`.
         let mut below = 0;
         while low < high {
             let (from, span) = (low.into(), high.into() - low.into());

@@ -123,7 +123,7 @@ impl<C: Count> Kernel for Whole<'_, C> {
 mod tests {
     use super::*;
 
-    /// Catches a lane or a remainder that is left out: the extreme at every place of every short length.
+    /// Catches a sample that is left out, and one that is no number: the extreme at every place of every short length.
     #[test]
     fn extent_finds_every_place() {
         for count in 1..100 {

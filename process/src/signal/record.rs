@@ -11,8 +11,8 @@ use crate::Real;
 pub(crate) trait Count: Copy + PartialOrd + Into<f64> {
     /// Standard deviation of the converter's own rounding, in counts; 0 if it is not known.
     const ROUNDING_COUNTS: f64;
-    /// Whether squares of samples may overflow or underflow in `f32`.
-    const HAS_ANY_SCALE: bool;
+    /// Whether samples need a gain lest their squares overflow or underflow in `f32`.
+    const NEEDS_GAIN: bool;
     /// Whether the sample is a number.
     fn is_number(self) -> bool;
     /// Whether the sample is at the end of the converter's range, as far as the format shows.
@@ -52,7 +52,7 @@ impl Key for i32 {
 impl Count for i16 {
     type Key = i16;
     const ROUNDING_COUNTS: f64 = 0.288_675_134_594_812_9; // 1/sqrt(12)
-    const HAS_ANY_SCALE: bool = false;
+    const NEEDS_GAIN: bool = false;
     fn is_number(self) -> bool {
         true
     }
@@ -94,7 +94,7 @@ impl Count for i16 {
 impl Count for f32 {
     type Key = i32;
     const ROUNDING_COUNTS: f64 = 0.0;
-    const HAS_ANY_SCALE: bool = true;
+    const NEEDS_GAIN: bool = true;
     fn is_number(self) -> bool {
         self.is_finite()
     }

@@ -8,7 +8,7 @@ use rand::Rng;
 use rand_distr::{Distribution as _, StandardNormal};
 
 use crate::evidence::covariance::Covariance;
-use crate::evidence::{Vector, WIDTH};
+use crate::evidence::{ABSENT, Vector, WIDTH};
 
 /// A variance at or below this is rounding: that of what counts is near 1.
 const VARIANCE_MIN: f64 = 1e-12;
@@ -146,10 +146,11 @@ impl Scatter {
         white
     }
 
-    /// Scores drawn from noise that scatters so; 0 of what does not count.
+    /// Scores drawn from noise that scatters so; NaN of what does not count.
     pub(crate) fn draw(&self, rng: &mut impl Rng) -> Vector {
         // Whole columns, so that the compiler can use vectors.
-        let mut drawn = [0.0; WIDTH];
+        let mut drawn = ABSENT;
+        self.used.iter().for_each(|&d| drawn[d] = 0.0);
         for &k in &self.used {
             let normal: f64 = StandardNormal.sample(rng);
             for (drawn, part) in drawn.iter_mut().zip(&self.factor[k]) {
@@ -176,19 +177,20 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
-    use crate::evidence::ABSENT;
 
     #[test]
     fn noise_scatters_as_it_is_told() {
-        // Catches a factor of another matrix.
+        // Catches a factor of another matrix, and a 0 that is taken for a score where one discriminator does not count.
         let root = Mat::from_fn(3, 3, |i, j| [[0.9, -0.3, 0.2], [0.1, 0.8, -0.5], [0.4, 0.2, 0.7]][i][j]);
-        let scatter = Scatter::new(&(root.transpose() * &root));
+        let matrix = root.transpose() * &root;
+        let scatter = Scatter::new(&Mat::from_fn(4, 4, |i, j| if i < 3 && j < 3 { matrix[(i, j)] } else { 0.0 }));
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let drawn: Vec<Vector> = (0..20_000).map(|_| scatter.draw(&mut rng)).collect();
         for (i, j) in pairs(&[0, 1, 2]) {
             let found = drawn.iter().map(|z| z[i] * z[j]).sum::<f64>() / 20_000.0;
             assert!((found - scatter.covariance[i][j]).abs() < 0.05, "{i} {j} {found}");
         }
+        assert!(drawn.iter().all(|z| z[3].is_nan()));
     }
 
     #[test]

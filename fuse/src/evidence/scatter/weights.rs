@@ -12,7 +12,8 @@ impl Scatter {
         greater(self.there(scores).orthants(scores).map(|orthant| orthant.greatest()))
     }
 
-    /// The same where what two discriminators move together counts twice: the length of what is above 0, each by its own deviation.
+    /// How far `scores` stand out if no two discriminators moved together: the length of those above 0, each by its own deviation; 0 of
+    /// none.
     pub(crate) fn evidence_apart(&self, scores: &Vector) -> f64 {
         let above = self.used().map(|d| if scores[d] > 0.0 { scores[d] / self.deviation(d) } else { 0.0 });
         above.map(|above| above * above).sum::<f64>().sqrt()

@@ -232,6 +232,7 @@ impl Fused {
         // Apart from each other: by what two discriminators do together a level that is a little off would show everywhere.
         let mut rng = ChaCha8Rng::seed_from_u64(0);
         let mut drawn: Vec<f64> = (0..DRAWN_COUNT).map(|_| near.evidence_apart(&near.draw(&mut rng))).collect();
+        // 0 where nothing varies: no place is beyond it.
         self.near_limit = quantile(&mut drawn, 1.0 - OUTLIER_FRACTION).unwrap_or(f64::INFINITY);
     }
 
