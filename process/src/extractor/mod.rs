@@ -177,6 +177,7 @@ impl<T: Real> Extractor<T> {
             (base, self.medians.noise_counts(before, base))
         });
         let base = baseline.map_or(0.0, |(base, _)| base); // the mean is in no band
+        // Without need of a gain the extremes are found in the pass that is made anyway.
         let known = if C::NEEDS_GAIN { Some(checked(track, Extent::find(track.samples))?) } else { None };
         let gain = known.map_or(1.0, |extent| extent.gain(base));
         let mut extremes = Extremes::of(*track.samples.first().ok_or(Quality::NON_FINITE)?);
