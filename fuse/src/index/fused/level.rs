@@ -127,7 +127,8 @@ impl Fused {
             Some(quantile(values, START_FRACTION)? + gap(condition, d))
         });
         for _ in 0..ROUNDS {
-            let kept = self.inliers(casing, &levels);
+            let means = self.tap_means(casing, self.taps(casing, &levels));
+            let kept = self.inliers(casing, &means);
             levels = self.medians(casing, &kept, Some(&levels));
         }
         for (shoulder, levels) in casing.iter().zip(&mut levels) {

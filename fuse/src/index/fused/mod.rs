@@ -18,7 +18,7 @@ use tapline_wire::{Direction, Discriminator};
 use crate::evidence::{ABSENT, Scatter, Vector, has_value};
 use crate::index::fused::level::{Level, Levels, QUARTILE_Z, START_FRACTION};
 use crate::index::fused::offset_scale::OffsetScale;
-use crate::index::fused::taps::TapMeans;
+use crate::index::fused::taps::{TapMeans, Taps};
 use crate::index::{Index, Scores, Setup};
 use crate::shoulder::{Shoulder, Turn};
 use crate::stats::{Spread, mean_and_sd, median, quantile};
@@ -62,12 +62,16 @@ struct Scale {
 
 impl Index for Fused {
     fn scores(&self, casing: &[&Shoulder]) -> Vec<Scores> {
-        let levels = self.levels(casing);
-        let inliers = self.inliers(casing, &levels);
-        let of = |((shoulder, levels), inliers): ((&&Shoulder, &Levels), Vec<bool>)| {
-            self.scores_by(shoulder, levels, inliers)
+        let taps = self.taps(casing, &self.levels(casing));
+        let means = self.tap_means(casing, taps.clone());
+        let inliers = self.inliers(casing, &means);
+        let of = |(((shoulder, taps), means), is_inlier): (((&&Shoulder, _), _), _)| Scores {
+            by_offset: self.by_offset(means),
+            uncut: self.by_offset(&self.means(shoulder, taps)),
+            by_discriminator: self.by_discriminator(shoulder, taps),
+            is_inlier,
         };
-        casing.iter().zip(&levels).zip(inliers).map(of).collect()
+        casing.iter().zip(&taps).zip(&means).zip(inliers).map(of).collect()
     }
 
     fn sigma(&self, condition: usize, d: usize) -> Option<f64> {
@@ -91,14 +95,15 @@ impl Fused {
             true => fused.first_levels(shoulders),
             false => fused.medians(shoulders, &kept, None),
         };
+        let mut means = Vec::new();
         // What is its own reference finds out which of its places are sound.
         for round in 0..=if setup.is_own { ROUNDS } else { 0 } {
             if round > 0 {
-                kept = fused.inliers(shoulders, &levels);
+                kept = fused.inliers(shoulders, &means);
                 levels = fused.medians(shoulders, &kept, Some(&levels));
             }
             fused.scales = fused.scales_of(shoulders, &kept, &levels);
-            fused.standardise(shoulders, &kept, &levels);
+            means = fused.standardise(shoulders, &kept, &levels);
         }
         // The reference is looked at as a casing will be, so that both have the same level by the same rule.
         let mut levels = Vec::new();
@@ -127,16 +132,16 @@ impl Fused {
         self.signed(turn, d).enumerate().map(above)
     }
 
-    /// Places that do not stand out, by shoulder.
-    fn inliers(&self, casing: &[&Shoulder], levels: &[Levels]) -> Vec<Vec<bool>> {
+    /// Places that do not stand out by the `means` of their taps, by shoulder.
+    fn inliers(&self, casing: &[&Shoulder], means: &[TapMeans]) -> Vec<Vec<bool>> {
         let is_inlier = |near: Vector| self.near_scatter.evidence_apart(&near) <= self.near_limit;
-        let of = |(shoulder, levels)| self.near_means(shoulder, levels).into_iter().map(is_inlier).collect();
-        casing.iter().copied().zip(levels).map(of).collect()
+        let of = |(shoulder, means)| self.near_means(shoulder, means).into_iter().map(is_inlier).collect();
+        casing.iter().copied().zip(means).map(of).collect()
     }
 
     /// The mean over offsets of each place and its neighbours.
-    fn near_means(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<Vector> {
-        let scores = self.by_offset(self.tap_means(shoulder, levels));
+    fn near_means(&self, shoulder: &Shoulder, means: &TapMeans) -> Vec<Vector> {
+        let scores = self.by_offset(means);
         let mut means = vec![ABSENT; shoulder.place_count()];
         for d in 0..self.setup.discriminators.len() {
             let mean = |place: usize| {
@@ -197,22 +202,23 @@ impl Fused {
         }
     }
 
-    /// Fits what comes after the scales.
-    fn standardise(&mut self, shoulders: &[&Shoulder], kept: &[Vec<bool>], levels: &[Levels]) {
-        let mut taps = Vec::new();
-        for ((shoulder, kept), levels) in shoulders.iter().zip(kept).zip(levels) {
-            for (turn, levels) in shoulder.turns.iter().zip(levels) {
-                let scores = self.turn_scores(turn, levels).into_iter().zip(kept);
-                // A turn of some places has no tap at the others.
-                taps.extend(scores.filter(|(scores, kept)| **kept && has_value(scores)).map(|(scores, _)| scores));
-            }
+    /// Fits what comes after the scales; returns the means of the taps of each shoulder.
+    fn standardise(&mut self, shoulders: &[&Shoulder], kept: &[Vec<bool>], levels: &[Levels]) -> Vec<TapMeans> {
+        let taps = self.taps(shoulders, levels);
+        let mut sound = Vec::new();
+        for (turns, kept) in taps.iter().zip(kept) {
+            // A turn of some places has no tap at the others.
+            let of_turns = turns.iter().flat_map(|scores| scores.iter().zip(kept));
+            sound.extend(of_turns.filter(|(scores, kept)| **kept && has_value(scores)).map(|(scores, _)| *scores));
         }
-        self.tap_scatter = self.scatter_of(taps);
+        self.tap_scatter = self.scatter_of(sound);
 
+        let taps: Vec<Taps> =
+            shoulders.iter().zip(taps).map(|(shoulder, taps)| self.borne_out(shoulder, taps)).collect();
         let means: Vec<TapMeans> =
-            shoulders.iter().zip(levels).map(|(shoulder, levels)| self.tap_means(shoulder, levels)).collect();
+            shoulders.iter().zip(&taps).map(|(shoulder, taps)| self.means(shoulder, taps)).collect();
         let width = self.setup.discriminators.len();
-        let deviations = self.within_variances(shoulders, kept, levels, &means);
+        let deviations = self.within_variances(shoulders, kept, &taps, &means);
         self.offsets = (0..self.setup.offset_count)
             .map(|offset| {
                 let of = |d: usize| {
@@ -223,8 +229,8 @@ impl Fused {
                 (0..width).map(of).collect()
             })
             .collect();
-        let sound = (shoulders.iter().zip(levels).zip(kept)).flat_map(|((shoulder, levels), kept)| {
-            let near = self.near_means(shoulder, levels).into_iter().zip(kept.clone());
+        let sound = (shoulders.iter().zip(&means).zip(kept)).flat_map(|((shoulder, means), kept)| {
+            let near = self.near_means(shoulder, means).into_iter().zip(kept.clone());
             near.filter(|(_, kept)| *kept).map(|(near, _)| near)
         });
         self.near_scatter = self.scatter_of(sound.collect());
@@ -234,6 +240,7 @@ impl Fused {
         let mut drawn: Vec<f64> = (0..DRAWN_COUNT).map(|_| near.evidence_apart(&near.draw(&mut rng))).collect();
         // 0 where nothing varies: no place is beyond it.
         self.near_limit = quantile(&mut drawn, 1.0 - OUTLIER_FRACTION).unwrap_or(f64::INFINITY);
+        means
     }
 
     fn scatter_of(&self, places: Vec<Vector>) -> Scatter {
@@ -252,9 +259,10 @@ impl Fused {
         let mut levels = Vec::new();
         for_casings(&all, |casing| levels.extend(self.levels(casing)));
         let width = self.setup.discriminators.len();
-        let means: Vec<TapMeans> =
-            all.iter().zip(&levels).map(|(shoulder, levels)| self.tap_means(shoulder, levels)).collect();
-        let variances = self.within_variances(&all, kept, &levels, &means);
+        let taps: Vec<Taps> =
+            all.iter().zip(self.taps(&all, &levels)).map(|(shoulder, taps)| self.borne_out(shoulder, taps)).collect();
+        let means: Vec<TapMeans> = all.iter().zip(&taps).map(|(shoulder, taps)| self.means(shoulder, taps)).collect();
+        let variances = self.within_variances(&all, kept, &taps, &means);
         for (scale, variance) in self.offsets.iter_mut().flatten().zip(variances.iter().flat_map(|v| &v[..width])) {
             if let Some((scale, variance)) = scale.as_mut().zip(*variance) {
                 scale.part(variance);
@@ -267,12 +275,12 @@ impl Fused {
         &self,
         shoulders: &[&Shoulder],
         kept: &[Vec<bool>],
-        levels: &[Levels],
+        taps: &[Taps],
         means: &[TapMeans],
     ) -> Vec<[Option<f64>; ABSENT.len()]> {
         let mut squares = vec![[(0.0, 0_u32); ABSENT.len()]; self.setup.offset_count];
-        for (((shoulder, kept), levels), means) in shoulders.iter().zip(kept).zip(levels).zip(means) {
-            for (turn, scores) in shoulder.turns.iter().zip(self.borne_out(shoulder, levels)) {
+        for (((shoulder, kept), taps), means) in shoulders.iter().zip(kept).zip(taps).zip(means) {
+            for (turn, scores) in shoulder.turns.iter().zip(taps) {
                 let offset = self.setup.offset_of[turn.condition];
                 for ((scores, means), _) in scores.iter().zip(&means[offset]).zip(kept).filter(|(_, kept)| **kept) {
                     for ((sum, score), &(mean, count)) in squares[offset].iter_mut().zip(scores).zip(means) {
@@ -287,15 +295,6 @@ impl Fused {
         }
         let variance = |(sum, count): (f64, u32)| (count > 0).then(|| sum / f64::from(count));
         squares.into_iter().map(|of_offset| of_offset.map(variance)).collect()
-    }
-
-    fn scores_by(&self, shoulder: &Shoulder, levels: &Levels, is_inlier: Vec<bool>) -> Scores {
-        Scores {
-            by_offset: self.by_offset(self.tap_means(shoulder, levels)),
-            uncut: self.by_offset(self.means(shoulder, self.tap_scores(shoulder, levels))),
-            by_discriminator: self.by_discriminator(shoulder, levels),
-            is_inlier,
-        }
     }
 }
 

@@ -12,6 +12,9 @@ const SCORE_MAX: f64 = 6.0;
 /// Largest evidence of a single tap that no other of its place or its neighbours bears out: one rogue tap is no damage.
 const TAP_EVIDENCE_MAX: f64 = 4.0;
 
+/// The scores of every tap of a shoulder, `[turn][place]`.
+pub(super) type Taps = Vec<Vec<Vector>>;
+
 /// Mean scores of the taps of each place at each offset, and how many taps, `[offset][place][discriminator]`.
 pub(super) type TapMeans = Vec<Vec<Means>>;
 
@@ -31,26 +34,28 @@ impl Fused {
         scores
     }
 
-    /// Mean score of each discriminator over the taps of a place, `[place][discriminator]`.
-    pub(super) fn by_discriminator(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<Vec<f64>> {
+    /// The scores of the taps of each shoulder.
+    pub(super) fn taps(&self, shoulders: &[&Shoulder], levels: &[Levels]) -> Vec<Taps> {
+        let of_turns = |(shoulder, levels): (&&Shoulder, &Levels)| {
+            shoulder.turns.iter().zip(levels).map(|(turn, levels)| self.turn_scores(turn, levels)).collect()
+        };
+        shoulders.iter().zip(levels).map(of_turns).collect()
+    }
+
+    /// Mean score of each discriminator over the `taps` of a place, `[place][discriminator]`.
+    pub(super) fn by_discriminator(&self, shoulder: &Shoulder, taps: &Taps) -> Vec<Vec<f64>> {
         let mut sums = vec![Sum::default(); shoulder.place_count()];
-        for (turn, levels) in shoulder.turns.iter().zip(levels) {
-            sums.iter_mut().zip(self.turn_scores(turn, levels)).for_each(|(sum, scores)| sum.add(&scores));
+        for turn in taps {
+            sums.iter_mut().zip(turn).for_each(|(sum, scores)| sum.add(scores));
         }
         sums.into_iter().map(|sum| sum.mean()[..self.setup.discriminators.len()].to_vec()).collect()
     }
 
-    /// The scores of every tap, `[turn][place]`.
-    pub(super) fn tap_scores(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<Vec<Vector>> {
-        shoulder.turns.iter().zip(levels).map(|(turn, levels)| self.turn_scores(turn, levels)).collect()
-    }
-
-    /// The scores of every tap, `[turn][place]`, in which the tap of a place that stands out most counts no more than the next
-    /// one bears out: another of that place, or one of a neighbour.
-    pub(super) fn borne_out(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<Vec<Vector>> {
-        let mut scores = self.tap_scores(shoulder, levels);
+    /// The `taps`, of which the one of a place that stands out most counts no more than the next one bears out: another of that
+    /// place, or one of a neighbour.
+    pub(super) fn borne_out(&self, shoulder: &Shoulder, mut taps: Taps) -> Taps {
         let stands_out = |scores: &Vector| self.tap_scatter.evidence_above(TAP_EVIDENCE_MAX, scores).unwrap_or(0.0);
-        let evidence: Vec<Vec<f64>> = scores.iter().map(|turn| turn.iter().map(stands_out).collect()).collect();
+        let evidence: Vec<Vec<f64>> = taps.iter().map(|turn| turn.iter().map(stands_out).collect()).collect();
         for place in 0..shoulder.place_count() {
             let of_place = evidence.iter().enumerate().map(|(turn, evidence)| (turn, evidence[place]));
             let Some((turn_of_most, most)) = of_place.max_by(|a, b| a.1.total_cmp(&b.1)) else { continue };
@@ -59,23 +64,24 @@ impl Fused {
             let others = others.filter(|&(turn, near, _)| (turn, near) != (turn_of_most, place)).map(|(.., e)| e);
             let next = others.fold(TAP_EVIDENCE_MAX, |most, e| if e > most { e } else { most });
             if most > next {
-                scores[turn_of_most][place].iter_mut().for_each(|score| *score *= next / most);
+                taps[turn_of_most][place].iter_mut().for_each(|score| *score *= next / most);
             }
         }
-        scores
+        taps
     }
 
-    /// The means of the taps of each place at each offset, of which none stands out alone.
-    pub(super) fn tap_means(&self, shoulder: &Shoulder, levels: &Levels) -> TapMeans {
-        self.means(shoulder, self.borne_out(shoulder, levels))
+    /// The means of the taps of each place at each offset, of which none stands out alone, by shoulder.
+    pub(super) fn tap_means(&self, shoulders: &[&Shoulder], taps: Vec<Taps>) -> Vec<TapMeans> {
+        let means = |(shoulder, taps): (&&Shoulder, Taps)| self.means(shoulder, &self.borne_out(shoulder, taps));
+        shoulders.iter().zip(taps).map(means).collect()
     }
 
-    /// The means of the `scores` of the taps of each place at each offset.
-    pub(super) fn means(&self, shoulder: &Shoulder, scores: Vec<Vec<Vector>>) -> TapMeans {
+    /// The means of the `taps` of each place at each offset.
+    pub(super) fn means(&self, shoulder: &Shoulder, taps: &Taps) -> TapMeans {
         let mut sums = vec![vec![Sum::default(); shoulder.place_count()]; self.setup.offset_count];
-        for (turn, scores) in shoulder.turns.iter().zip(scores) {
+        for (turn, scores) in shoulder.turns.iter().zip(taps) {
             let sums = &mut sums[self.setup.offset_of[turn.condition]];
-            sums.iter_mut().zip(scores).for_each(|(sum, scores)| sum.add(&scores));
+            sums.iter_mut().zip(scores).for_each(|(sum, scores)| sum.add(scores));
         }
         let of_offset = |sums: Vec<Sum>| {
             sums.into_iter().map(|sum| std::array::from_fn(|d| (sum.mean()[d], sum.count(d)))).collect()
@@ -84,17 +90,17 @@ impl Fused {
     }
 
     /// `[offset][place]`, as [`crate::index::Scores::by_offset`].
-    pub(super) fn by_offset(&self, means: TapMeans) -> Vec<Vec<Vector>> {
-        let of = |(means, scales): (Vec<Means>, &Vec<Option<OffsetScale>>)| {
-            let score = |means: Means| {
+    pub(super) fn by_offset(&self, means: &TapMeans) -> Vec<Vec<Vector>> {
+        let of = |(means, scales): (&Vec<Means>, &Vec<Option<OffsetScale>>)| {
+            let score = |means: &Means| {
                 let mut scores = ABSENT;
-                for ((score, (mean, count)), scale) in scores.iter_mut().zip(means).zip(scales) {
+                for ((score, &(mean, count)), scale) in scores.iter_mut().zip(means).zip(scales) {
                     *score = scale.map_or(f64::NAN, |scale| scale.score(mean, count));
                 }
                 scores
             };
-            means.into_iter().map(score).collect()
+            means.iter().map(score).collect()
         };
-        means.into_iter().zip(&self.offsets).map(of).collect()
+        means.iter().zip(&self.offsets).map(of).collect()
     }
 }
