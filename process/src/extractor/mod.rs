@@ -9,7 +9,7 @@ pub use precise::ProcessExtractor;
 use tapline_wire::{Discriminator, Discriminators, Quality, Samples, TapHeader};
 
 use crate::extractor::window::{Window, window};
-use crate::force::{Pulse, PulseFinder};
+use crate::force::{Pulse, PulseFinder, peak_at};
 use crate::quality::{
     self, ForceRecord, QualityReport, SoundRecord, check_force, check_sound, fill_means, stands_still,
 };
@@ -127,6 +127,7 @@ impl<T: Real> Extractor<T> {
         if extent.is_constant() {
             report.note(Quality::NO_FORCE); // a channel of zeros counts as none
         }
+        let peak_at = peak_at(track, extent).ok_or(Quality::NON_FINITE)?;
         let baseline_count = baseline_count(record.pre_trigger_samples, track.samples.len());
         // Without a baseline there is no pulse; the other rules still apply.
         let before = &track.samples[..baseline_count.unwrap_or(track.samples.len())];
@@ -135,13 +136,14 @@ impl<T: Real> Extractor<T> {
         self.force_balance = Some(quality::balance(extent, base)).filter(|_| !extent.is_constant());
         self.finder.set_droop(self.config.droop_time_constant_s * record.sample_rate_hz);
         let pulse = match baseline_count {
-            Some(_) => self.finder.find(track, extent, base, noise).ok_or(Quality::NO_PULSE),
+            Some(_) => self.finder.find(track, peak_at, base, noise).ok_or(Quality::NO_PULSE),
             None => Err(Quality::NO_BASELINE),
         };
         let Record { pre_trigger_samples, sample_rate_hz, .. } = *record;
         let force = ForceRecord {
             track,
             extent,
+            peak_at,
             base,
             noise,
             baseline_count,

@@ -24,6 +24,11 @@ pub(crate) const NOISE_SIGMAS: f64 = 6.0;
 /// Fraction of F_max at which the pulse's width is measured.
 const WIDTH_LEVEL: f64 = 0.1;
 
+/// Where a force of this `extent` is greatest: the first of equal samples.
+pub(crate) fn peak_at<C: Count>(track: Track<'_, C>, extent: Extent<C>) -> Option<usize> {
+    position(track.samples, if track.unit_per_count < 0.0 { extent.least } else { extent.largest }, 0)
+}
+
 /// What the force shows of an impact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Pulse {
@@ -56,20 +61,18 @@ impl PulseFinder {
         self.droop_samples = time_constant_samples;
     }
 
-    /// The pulse of `track`, whose `extent`, `base` and `noise` are in counts. `None` if none stands out of the noise,
-    /// or if the record does not hold it from 10 % to 10 %.
+    /// The pulse of `track`, which is greatest at sample `peak_at`; `base` and `noise` are in counts. `None` if none stands
+    /// out of the noise, or if the record does not hold it from 10 % to 10 %.
     pub(crate) fn find<C: Count>(
         &mut self,
         track: Track<'_, C>,
-        extent: Extent<C>,
+        peak_at: usize,
         base: f64,
         noise: f64,
     ) -> Option<Pulse> {
         let Track { samples, unit_per_count } = track;
         let count = samples.len();
         let force_n = |i: usize| (samples[i].into() - base) * unit_per_count;
-        let peak = if unit_per_count < 0.0 { extent.least } else { extent.largest };
-        let peak_at = position(samples, peak, 0)?;
         let height_n = vertex(force_n, count, peak_at);
         let stands_out = height_n > NOISE_SIGMAS * noise * unit_per_count.abs();
         if !stands_out {
@@ -121,8 +124,11 @@ mod tests {
     use super::*;
 
     fn pulse_of(samples: &[f32]) -> Option<Pulse> {
-        let track = Track { samples, unit_per_count: 1.0 };
-        PulseFinder::default().find(track, Extent::find(samples)?, 0.0, 0.0)
+        found(Track { samples, unit_per_count: 1.0 }, 0.0)
+    }
+
+    fn found(track: Track<'_, f32>, noise: f64) -> Option<Pulse> {
+        PulseFinder::default().find(track, peak_at(track, Extent::find(track.samples)?)?, 0.0, noise)
     }
 
     /// Catches a wrong factor in tau or onset: a finely sampled half-sine returns its own base and beginning.
@@ -155,9 +161,8 @@ mod tests {
     fn must_stand_out_of_the_noise() {
         let samples = [0.0_f32, 0.0, 5.0, 10.0, 5.0, 0.0, 0.0];
         let track = Track { samples: &samples, unit_per_count: 3.0 };
-        let extent = Extent::find(&samples).unwrap();
-        assert!(PulseFinder::default().find(track, extent, 0.0, 1.6).is_some());
-        assert_eq!(PulseFinder::default().find(track, extent, 0.0, 1.7), None);
+        assert!(found(track, 1.6).is_some());
+        assert_eq!(found(track, 1.7), None);
     }
 
     /// Catches a sensor wired the other way round: the scale's sign decides which extreme is the peak.
@@ -165,8 +170,7 @@ mod tests {
     fn negative_scale_turns_the_pulse() {
         let samples = [0.0_f32, 0.0, -5.0, -10.0, -6.0, 0.0, 0.0, 1.0];
         let turned: Vec<f32> = samples.iter().map(|x| -x).collect();
-        let extent = Extent::find(&samples).unwrap();
-        let pulse = PulseFinder::default().find(Track { samples: &samples, unit_per_count: -1.0 }, extent, 0.0, 0.0);
+        let pulse = found(Track { samples: &samples, unit_per_count: -1.0 }, 0.0);
         assert!(pulse.is_some());
         assert_eq!(pulse, pulse_of(&turned));
     }

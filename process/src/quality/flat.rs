@@ -37,21 +37,22 @@ const BESIDE: usize = 16;
 
 /// Whether the signal of `extent` around `base` is flat at its top or at its bottom.
 pub(crate) fn is_clipped<C: Count>(samples: &[C], extent: Extent<C>, base: f64, noise: f64) -> bool {
-    let is_flat = |level| is_flat(samples, level, extent, base, (noise, OF_RINGING));
+    let is_flat =
+        |level| position(samples, level, 0).is_some_and(|at| is_flat(samples, at, extent, base, (noise, OF_RINGING)));
     is_flat(extent.largest) || is_flat(extent.least)
 }
 
-/// Whether the signal is cut off at the extreme `level`: by the converter, or by what is in front of it, before `noise`
-/// was added.
-pub(crate) fn is_flat<C: Count>(samples: &[C], level: C, extent: Extent<C>, base: f64, noise: (f64, Leaving)) -> bool {
+/// Whether the signal is cut off at the extreme that it first reaches `at` this sample: by the converter, or by what is in
+/// front of it, before `noise` was added.
+pub(crate) fn is_flat<C: Count>(samples: &[C], at: usize, extent: Extent<C>, base: f64, noise: (f64, Leaving)) -> bool {
+    let level = samples[at];
     let (above, below) = (extent.largest.into() - base, base - extent.least.into());
     let greater = if above > below { above } else { below };
     let is_extreme = (level.into() - base).abs() >= SHARE * greater;
     if !is_extreme || extent.is_constant() {
         return false;
     }
-    let first = position(samples, level, 0);
-    let mut found = first;
+    let mut found = Some(at);
     while let Some(from) = found {
         let next = from + 1 + samples[from + 1..].iter().take_while(|&&x| x == level).count();
         let is_cut = next - from >= RUN && (C::is_rail(level) || leaves(samples, from, next));
@@ -60,7 +61,7 @@ pub(crate) fn is_flat<C: Count>(samples: &[C], level: C, extent: Extent<C>, base
         }
         found = position(samples, level, next);
     }
-    first.is_some_and(|at| is_flat_under_noise(samples, at, base, noise))
+    is_flat_under_noise(samples, at, base, noise)
 }
 
 /// Whether the signal stays near the extreme, first reached at sample `at`, within the noise, for longer than a parabola that then
@@ -160,8 +161,14 @@ mod tests {
         signal.iter().map(|&x| x.round().clamp(-32_768.0, 32_767.0) as i16).collect()
     }
 
+    fn is_flat_at_top(samples: &[i16], noise: f64) -> bool {
+        let extent = Extent::find(samples).unwrap();
+        let at = position(samples, extent.largest, 0).unwrap();
+        is_flat(samples, at, extent, 0.0, (noise, OF_PULSE))
+    }
+
     fn is_top_flat(samples: &[i16]) -> bool {
-        is_flat(samples, *samples.iter().max().unwrap(), Extent::find(samples).unwrap(), 0.0, (0.0, OF_PULSE))
+        is_flat_at_top(samples, 0.0)
     }
 
     /// Catches a rule that mistakes the rounding of a coarse converter for clipping, as pyFRF's does, whatever the
@@ -211,8 +218,7 @@ mod tests {
                     let pulse = half_sine(20_000.0, 33.0 + f64::from(*k) / 10.0);
                     let samples: Vec<i16> =
                         pulse.iter().map(|&x| (x.clamp(0.0, part * 20_000.0) + hiss(sigma)).round() as i16).collect();
-                    let top = *samples.iter().max().unwrap();
-                    is_flat(&samples, top, Extent::find(&samples).unwrap(), 0.0, (sigma, OF_PULSE))
+                    is_flat_at_top(&samples, sigma)
                 });
                 found.count()
             };
@@ -242,10 +248,7 @@ mod tests {
                     if x.abs() < 1.0 { amplitude * (1.0 - x.powi(4)) } else { 0.0 }
                 };
                 let samples: Vec<i16> = (0..400).map(|i| (height(i) + hiss(sigma)).round() as i16).collect();
-                let top = *samples.iter().max().unwrap();
-                let extent = Extent::find(&samples).unwrap();
-                flagged +=
-                    u32::from(is_flat(&samples, top, extent, 0.0, (if sigma > 0.0 { sigma } else { 0.3 }, OF_PULSE)));
+                flagged += u32::from(is_flat_at_top(&samples, if sigma > 0.0 { sigma } else { 0.3 }));
             }
             assert!(flagged <= 4, "{amplitude} {sigma}: {flagged} of 400");
         }

@@ -10,7 +10,7 @@ use super::spike::has_spike;
 use super::{OF_SPECTRUM, QualityConfig, QualityReport};
 use crate::force::{NOISE_SIGMAS, Pulse};
 use crate::signal::baseline::Medians;
-use crate::signal::extent::{Extent, Extremes, position};
+use crate::signal::extent::{Extent, Extremes};
 use crate::signal::hum::Hum;
 use crate::signal::record::{Count, Track};
 use crate::signal::wide::Kernel;
@@ -48,6 +48,8 @@ const WHOLE_IMPACT: f64 = 1.2;
 pub(crate) struct ForceRecord<'a, C> {
     pub track: Track<'a, C>,
     pub extent: Extent<C>,
+    /// Where the force is greatest.
+    pub peak_at: usize,
     /// Baseline and standard deviation of the noise, counts.
     pub base: f64,
     pub noise: f64,
@@ -89,8 +91,7 @@ impl<C: Count> Kernel for Means<'_, C> {
         for (samples, means) in self.samples.chunks(MEANS * MEAN_OF).zip(self.means.chunks_mut(MEANS)) {
             extremes.add(samples);
             for (mean, row) in means.iter_mut().zip(samples.as_chunks::<MEAN_OF>().0) {
-                let [a, b, c, d, e, f, g, h] = row.map(C::exact_f32);
-                *mean = (((a + e) + (b + f)) + ((c + g) + (d + h))) / MEAN_OF as f32;
+                *mean = C::mean_of(*row);
             }
         }
         // The last samples, which are fewer than a mean has.
@@ -109,7 +110,7 @@ pub(crate) fn check_force<C: Count>(force: &ForceRecord<'_, C>, config: &Quality
         }
         return report;
     };
-    if is_flat(force.track.samples, shape.level, force.extent, force.base, (force.noise, OF_PULSE)) {
+    if is_flat(force.track.samples, force.peak_at, force.extent, force.base, (force.noise, OF_PULSE)) {
         report.raise_on_pulse(Quality::CLIPPED, config.clipped_force);
     }
     let pulse = shape.begin..shape.end;
@@ -158,8 +159,7 @@ pub(crate) fn check_force<C: Count>(force: &ForceRecord<'_, C>, config: &Quality
 
 /// Position of the greatest pulse in samples, and its height in counts.
 #[derive(Debug, Clone, Copy)]
-struct Shape<C> {
-    level: C,
+struct Shape {
     sign: f64,
     peak: f64,
     peak_at: usize,
@@ -168,21 +168,20 @@ struct Shape<C> {
     end: usize,
 }
 
-impl<C: Count> Shape<C> {
-    fn find(force: &ForceRecord<'_, C>) -> Option<Self> {
-        let Track { samples, unit_per_count } = force.track;
-        let (level, sign) = if unit_per_count < 0.0 { (force.extent.least, -1.0) } else { (force.extent.largest, 1.0) };
-        let peak_at = position(samples, level, 0)?;
-        let peak = sign * (level.into() - force.base);
+impl Shape {
+    fn find<C: Count>(force: &ForceRecord<'_, C>) -> Option<Self> {
+        let ForceRecord { track: Track { samples, unit_per_count }, peak_at, .. } = *force;
+        let sign = if unit_per_count < 0.0 { -1.0 } else { 1.0 };
+        let peak = sign * (samples[peak_at].into() - force.base);
         let stands_out = peak > NOISE_SIGMAS * force.noise && unit_per_count != 0.0;
         let is_above = |&&x: &&C| sign * (x.into() - force.base) > FOOT * peak;
         let begin = peak_at - samples[..peak_at].iter().rev().take_while(is_above).count();
         let end = peak_at + samples[peak_at..].iter().take_while(is_above).count();
-        stands_out.then_some(Self { level, sign, peak, peak_at, begin, end })
+        stands_out.then_some(Self { sign, peak, peak_at, begin, end })
     }
 
     /// Force at sample `x` in counts, positive in the pulse.
-    fn height(&self, x: C, base: f64) -> f64 {
+    fn height<C: Count>(&self, x: C, base: f64) -> f64 {
         self.sign * (x.into() - base)
     }
 }
@@ -199,7 +198,7 @@ enum Trigger {
     WithinPulse,
 }
 
-fn trigger<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape<C>) -> Trigger {
+fn trigger<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape) -> Trigger {
     let noise_limit = SECOND_SIGMAS * force.noise;
     let limit = if noise_limit > QUIET * shape.peak { noise_limit } else { QUIET * shape.peak };
     let before = force.track.samples[..shape.begin].iter().rev();
@@ -219,17 +218,17 @@ fn trigger<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape<C>) -> Trigger {
 fn is_lost_in_baseline<C: Count>(force: &ForceRecord<'_, C>) -> bool {
     let Track { samples, unit_per_count } = force.track;
     let Some(baseline_count) = force.baseline_count.filter(|_| unit_per_count != 0.0) else { return false };
-    let (level, sign) = if unit_per_count < 0.0 { (force.extent.least, -1.0) } else { (force.extent.largest, 1.0) };
+    let sign = if unit_per_count < 0.0 { -1.0 } else { 1.0 };
     let tail = &samples[samples.len() - samples.len() / 4..];
     let mut medians = Medians::default();
     let base = medians.median(tail);
     let noise = medians.noise_counts(tail, base);
-    let is_before = position(samples, level, 0).is_some_and(|peak_at| peak_at < baseline_count);
-    is_before && !tail.is_empty() && sign * (level.into() - base) > SECOND_SIGMAS * noise
+    let height = sign * (samples[force.peak_at].into() - base);
+    force.peak_at < baseline_count && !tail.is_empty() && height > SECOND_SIGMAS * noise
 }
 
 /// Whether the force was high two samples before the trigger; one sample is the trigger's own uncertainty.
-fn is_up_before_trigger<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape<C>) -> bool {
+fn is_up_before_trigger<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape) -> bool {
     let Some(before) = force.pre_trigger_samples.checked_sub(2) else { return false };
     let is_behind = before >= shape.peak_at;
     let height = force.track.samples.get(before).map_or(0.0, |&x| shape.height(x, force.base));
@@ -240,7 +239,7 @@ fn is_up_before_trigger<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape<C>) 
 /// or the force's scale is not known.
 fn impulse_ratio<C: Count>(
     force: &ForceRecord<'_, C>,
-    shape: &Shape<C>,
+    shape: &Shape,
     pulse: Pulse,
     config: &QualityConfig,
 ) -> Option<f64> {
@@ -253,7 +252,7 @@ fn impulse_ratio<C: Count>(
 /// Amplitude in counts of hum in the force after the pulse, where it exceeds `hum_ratio_max` of the peak.
 ///
 /// After the pulse a force is silent, so that a fit of a sine to [`HUM_PERIODS`] tells hum from whatever else there is.
-fn hum<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape<C>, config: &QualityConfig) -> Option<f64> {
+fn hum<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape, config: &QualityConfig) -> Option<f64> {
     let means_per_s = force.sample_rate_hz / MEAN_OF as f64;
     let first = (shape.peak_at / MEAN_OF + 1).saturating_add((config.tau_max_s * means_per_s) as usize);
     let after = force.means.get(first..)?;
@@ -276,7 +275,7 @@ fn hum<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape<C>, config: &QualityC
 }
 
 /// Whether there is a second pulse beside the greatest that is not the layer returning; `hum` in counts is none.
-fn is_double<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape<C>, hum: f64, config: &QualityConfig) -> bool {
+fn is_double<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape, hum: f64, config: &QualityConfig) -> bool {
     let samples = force.track.samples;
     let limit = |noise: f64| {
         let (share, sigmas) = (config.double_hit_ratio_max * shape.peak, RISE_SIGMAS * noise);
@@ -315,19 +314,14 @@ fn is_double<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape<C>, hum: f64, c
 }
 
 /// The greatest height in `samples`, counts.
-fn greatest<C: Count>(samples: &[C], force: &ForceRecord<'_, C>, shape: &Shape<C>) -> f64 {
+fn greatest<C: Count>(samples: &[C], force: &ForceRecord<'_, C>, shape: &Shape) -> f64 {
     let extreme = Extent::find(samples).map(|e| if shape.sign < 0.0 { e.least } else { e.largest });
     extreme.map_or(0.0, |x| shape.height(x, force.base))
 }
 
 /// Whether the impulse until sample `until` has thrown the impactor back, so that only a second hit can bring another
 /// pulse. Also true if mass, velocity or the force's scale is not known.
-fn is_whole_impact<C: Count>(
-    force: &ForceRecord<'_, C>,
-    shape: &Shape<C>,
-    until: usize,
-    config: &QualityConfig,
-) -> bool {
+fn is_whole_impact<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape, until: usize, config: &QualityConfig) -> bool {
     let unit_n = force.track.unit_per_count.abs();
     let Some(velocity) = force.velocity_m_per_s.filter(|_| config.impactor_mass_kg > 0.0) else { return true };
     if shape.peak * unit_n <= UNSCALED_N {
@@ -349,6 +343,22 @@ fn is_whole_impact<C: Count>(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Catches a sum of counts that overflows or loses a sign: the extremes of 16 bits at every place.
+    #[test]
+    fn means_of_counts_are_those_of_floats() {
+        let mut means = Vec::new();
+        for place in 0..16 {
+            for (value, beside) in [(i16::MIN, i16::MAX), (i16::MAX, i16::MIN), (-1, 0), (i16::MIN, i16::MIN), (77, -3)] {
+                let mut samples = [beside; 16];
+                samples[place] = value;
+                fill_means(&samples, &mut means);
+                let of_counts = means.clone();
+                fill_means(&samples.map(f32::from), &mut means);
+                assert_eq!(of_counts, means, "{value} at {place} beside {beside}");
+            }
+        }
+    }
 
     /// Catches samples that are in no mean and therefore in no extent either, and a mean of the wrong eight: lengths around those of
     /// whole means and whole groups of them.

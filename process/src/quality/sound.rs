@@ -9,7 +9,7 @@ use super::flat::is_clipped;
 use super::still::stands_still;
 use super::{OF_SOUND, OF_SPECTRUM, Policy, QualityConfig, QualityReport};
 use crate::Real;
-use crate::signal::blocks::{Block, Blocks, folded_blocks, mean_of, samples_per_block};
+use crate::signal::blocks::{Blocks, folded_in_lanes, mean_of, samples_per_block};
 use crate::signal::extent::Extent;
 use crate::signal::record::{Count, Track};
 
@@ -74,18 +74,18 @@ impl<C: Count, T> SoundRecord<'_, C, T> {
     }
 
     /// Block in which the tap begins; without a force, the loudest block.
-    fn onset_block(&self, blocks: &[Block]) -> usize {
+    fn onset_block(&self, peaks: &[f64]) -> usize {
         let of_force = self
             .onset
             .filter(|&onset| onset >= 0.0)
             .map(|onset| (onset / samples_per_block(self.sample_rate_hz) as f64) as usize);
-        of_force.or_else(|| loudest(blocks).map(|(at, _)| at)).unwrap_or(0)
+        of_force.or_else(|| loudest(peaks).map(|(at, _)| at)).unwrap_or(0)
     }
 
     /// Whether the tap began before the record did, or within its baseline.
     fn is_late(&self, blocks: &Blocks) -> bool {
         let baseline_blocks = self.baseline_count.map_or(0, |count| count / samples_per_block(self.sample_rate_hz));
-        let is_in_baseline = || loudest(blocks.all()).is_some_and(|(at, _)| at < baseline_blocks);
+        let is_in_baseline = || loudest(blocks.peaks()).is_some_and(|(at, _)| at < baseline_blocks);
         self.known.contains(Quality::LATE_TRIGGER) || (self.known.contains(Quality::NO_FORCE) && is_in_baseline())
     }
 }
@@ -124,7 +124,7 @@ pub(crate) fn check_sound<C: Count, T: Real>(
         && quiet.is_some_and(|quiet| {
             let before = sound.noise.map_or(0.0, |noise| noise * sound.gain);
             let limit = greater(share, TAP_SIGMAS * quiet);
-            before > STEADY * quiet && is_before(sound, blocks.all(), limit)
+            before > STEADY * quiet && is_before(sound, blocks.peaks(), limit)
         });
     let noise = if is_ringing_before { quiet } else { noise(sound, after, hum, is_late) };
     if noise.is_some_and(|noise| peak < config.snr_min * noise) {
@@ -146,11 +146,11 @@ pub(crate) fn check_sound<C: Count, T: Real>(
     }
     // A baseline over part of a period of hum is off by up to the hum's amplitude.
     let limit = greater(share, TAP_SIGMAS * noise.unwrap_or(0.0)) + 2.0 * hum.map_or(0.0, |hum| hum.amplitude);
-    if is_ringing_before || (can_hear_before && is_before(sound, blocks.all(), limit)) {
+    if is_ringing_before || (can_hear_before && is_before(sound, blocks.peaks(), limit)) {
         report.raise(Quality::NEIGHBOUR, config.neighbour, &OF_SOUND);
     }
     // A baseline within the ringing hides how the envelope falls.
-    if !is_late && is_after(sound, blocks.all(), limit) {
+    if !is_late && is_after(sound, blocks.peaks(), limit) {
         report.raise(Quality::NEIGHBOUR, config.neighbour, &[Discriminator::A2]);
         report.raise(Quality::NEIGHBOUR, config.neighbour, &OF_SPECTRUM);
     }
@@ -161,11 +161,11 @@ fn greater(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-/// The loudest of `blocks`, the last of equals, and its loudness.
-fn loudest(blocks: &[Block]) -> Option<(usize, f64)> {
-    let mut loudest = (0, blocks.first()?.peak);
-    for (at, block) in blocks.iter().enumerate() {
-        loudest = if block.peak >= loudest.1 { (at, block.peak) } else { loudest };
+/// The loudest block by the `peaks`, the last of equals, and its loudness.
+fn loudest(peaks: &[f64]) -> Option<(usize, f64)> {
+    let mut loudest = (0, *peaks.first()?);
+    for (at, &peak) in peaks.iter().enumerate() {
+        loudest = if peak >= loudest.1 { (at, peak) } else { loudest };
     }
     Some(loudest)
 }
@@ -184,8 +184,8 @@ fn noise<C, T>(sound: &SoundRecord<'_, C, T>, after: Option<f64>, hum: Option<Hu
 /// Noise after the tap has fallen silent, in the signal's unit: that of the record's third or last quarter, whichever
 /// is quieter. `None` if the record ends before.
 fn noise_after<C: Count, T>(sound: &SoundRecord<'_, C, T>, blocks: &mut Blocks, hum: Option<Hum>) -> Option<f64> {
-    let count = blocks.all().len();
-    if count / 2 < sound.onset_block(blocks.all()).saturating_add(RINGING_BLOCKS) {
+    let count = blocks.peaks().len();
+    if count / 2 < sound.onset_block(blocks.peaks()).saturating_add(RINGING_BLOCKS) {
         return None;
     }
     let mut noise = |from, to| match hum {
@@ -209,7 +209,7 @@ struct Hum {
 ///
 /// A Hann window is right here, because hum goes on; it would be wrong for the tap.
 fn hum(blocks: &Blocks, least: f64) -> Option<Hum> {
-    let tail = &blocks.all()[blocks.all().len() / 2..];
+    let tail = &blocks.means()[blocks.means().len() / 2..];
     if tail.len() < HUM_BLOCKS {
         return None;
     }
@@ -231,25 +231,25 @@ fn hum(blocks: &Blocks, least: f64) -> Option<Hum> {
     lines.max_by(|a, b| a.amplitude.total_cmp(&b.amplitude))
 }
 
-/// Upper bound of the [`amplitudes`] of any sine in the means of `tail` around their `mean`: twice the largest
+/// Upper bound of the [`amplitudes`] of any sine in the means `tail` of blocks around their `mean`: twice the largest
 /// deviation.
-fn loudest_line(tail: &[Block], mean: f64) -> f64 {
-    ROUNDED_UP * 2.0 * folded_blocks(tail, |block| (block.mean - mean).abs(), greater)
+fn loudest_line(tail: &[f64], mean: f64) -> f64 {
+    ROUNDED_UP * 2.0 * folded_in_lanes(tail, |of_block| (of_block - mean).abs(), greater)
 }
 
-/// Amplitude of a sine of each of `turns` per block in the means of `tail` around their `mean`, through a Hann window.
+/// Amplitude of a sine of each of `turns` per block in the means `tail` of blocks around their `mean`, through a Hann window.
 ///
 /// Sines are computed by rotating a complex number from block to block; over a few hundred steps the rounding does not
 /// matter. Each step waits for the one before, so two lines cost as much as one.
-fn amplitudes<const N: usize>(tail: &[Block], mean: f64, turns: [f64; N]) -> [f64; N] {
+fn amplitudes<const N: usize>(tail: &[f64], mean: f64, turns: [f64; N]) -> [f64; N] {
     let per_block = TAU / tail.len() as f64;
     let (mut waves, steps) = ([Complex::new(1.0, 0.0); N], turns.map(|turns| Complex::cis(TAU * turns)));
     let (mut window, window_step) = (Complex::cis(0.5 * per_block), Complex::cis(per_block));
     let (mut sums, mut weight) = ([Complex::new(0.0, 0.0); N], 0.0);
-    for block in tail {
+    for of_block in tail {
         let w = 0.5 - 0.5 * window.re;
         for ((sum, wave), step) in sums.iter_mut().zip(&mut waves).zip(&steps) {
-            *sum += *wave * (w * (block.mean - mean));
+            *sum += *wave * (w * (of_block - mean));
             *wave *= *step;
         }
         weight += w;
@@ -259,9 +259,9 @@ fn amplitudes<const N: usize>(tail: &[Block], mean: f64, turns: [f64; N]) -> [f6
 }
 
 /// Whether there is sound before the tap.
-fn is_before<C: Count, T>(sound: &SoundRecord<'_, C, T>, blocks: &[Block], limit: f64) -> bool {
-    let count = sound.onset_block(blocks).saturating_sub(GUARD_BLOCKS);
-    blocks.get(..count).is_some_and(|before| before.iter().any(|block| block.peak > limit))
+fn is_before<C: Count, T>(sound: &SoundRecord<'_, C, T>, peaks: &[f64], limit: f64) -> bool {
+    let count = sound.onset_block(peaks).saturating_sub(GUARD_BLOCKS);
+    peaks.get(..count).is_some_and(|before| before.iter().any(|&peak| peak > limit))
 }
 
 /// Whether the sound stays below `limit` until `delay_s` after the onset. False where the onset is not known, as it is not
@@ -273,8 +273,8 @@ fn is_silent_until<C: Count, T: Real>(sound: &SoundRecord<'_, C, T>, delay_s: f6
 }
 
 /// Whether the envelope rises again; after a tap it falls.
-fn is_after<C: Count, T>(sound: &SoundRecord<'_, C, T>, blocks: &[Block], limit: f64) -> bool {
-    let steps = blocks.get(sound.onset_block(blocks)..).unwrap_or_default().chunks_exact(STEP_BLOCKS);
+fn is_after<C: Count, T>(sound: &SoundRecord<'_, C, T>, peaks: &[f64], limit: f64) -> bool {
+    let steps = peaks.get(sound.onset_block(peaks)..).unwrap_or_default().chunks_exact(STEP_BLOCKS);
     if steps.len() < STEPS_MIN {
         return false;
     }
@@ -303,8 +303,8 @@ mod tests {
                 let angle = |i: i32| TAU * (turns * f64::from(i) + f64::from(phase) / 8.0);
                 for is_square in [false, true] {
                     let mean = |i: i32| if is_square { angle(i).cos().signum() } else { angle(i).cos() };
-                    let tail: Vec<Block> = (0..200).map(|i| Block { mean: mean(i), ..Block::default() }).collect();
-                    let middle = tail.iter().map(|block| block.mean).sum::<f64>() / 200.0;
+                    let tail: Vec<f64> = (0..200).map(mean).collect();
+                    let middle = tail.iter().sum::<f64>() / 200.0;
                     let ([line], most) = (amplitudes(&tail, middle, [turns]), loudest_line(&tail, middle));
                     assert!(line <= most, "{period}: {line} {most}");
                     if is_square && period == 21 {

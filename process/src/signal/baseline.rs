@@ -83,15 +83,18 @@ impl<K: Key> Kernel for Middle<'_, K> {
         // How many keys are below `low`.
         let mut below = 0;
         while low < high {
-            let (from, span) = (low.into(), high.into() - low.into());
-            // All of them are between keys.
-            let at = [0, span / 4, span / 4 + 1, span / 2, span / 2 + 1, 3 * span / 4, 3 * span / 4 + 1, span]
-                .map(|part| K::try_from(from + part).unwrap_or(high));
-            let [a, b, c] = self.counts([at[1], at[3], at[5]]);
-            // Arithmetic instead of a branch, which could not be predicted.
-            let quarter: usize = [a, b, c].into_iter().map(|count| usize::from(count <= half)).sum();
-            below = [below, a, b, c][quarter];
-            (low, high) = (at[2 * quarter], at[2 * quarter + 1]);
+            let (from, to) = (low.into(), high.into());
+            let step = (to - from) / 4 + 1;
+            // The last values of all quarters but the last; a quarter beyond the range is empty.
+            let at = [1, 2, 3].map(|quarter| K::try_from(from + quarter * step - 1).unwrap_or(high));
+            let counts = self.counts(at);
+            // Arithmetic instead of branches, which could not be predicted.
+            let quarter: i64 = counts.map(|count| i64::from(count <= half)).iter().sum();
+            below = counts.into_iter().fold(below, |below, count| if count <= half { count } else { below });
+            let from = from + quarter * step;
+            let last = from + step - 1;
+            (low, high) =
+                (K::try_from(from).unwrap_or(high), K::try_from(if last < to { last } else { to }).unwrap_or(high));
         }
         let upper = low;
         if !self.keys.len().is_multiple_of(2) || below < half {

@@ -14,16 +14,6 @@ const BLOCKS_PER_S: f64 = 1000.0;
 /// Fewest samples of a block that averages anything; the rules see no blocks if they are shorter.
 const BLOCK_SAMPLES: usize = 4;
 
-/// What is kept of a block, in the unit of the signal.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(crate) struct Block {
-    pub mean: f64,
-    pub mean_square: f64,
-    pub mean_magnitude: f64,
-    /// Greatest magnitude.
-    pub peak: f64,
-}
-
 /// Mean and mean square of a signal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Moments {
@@ -31,10 +21,14 @@ pub(crate) struct Moments {
     pub mean_square: f64,
 }
 
-/// The blocks of a record; their memory is reused for the next record.
+/// The blocks of a record, in the unit of the signal; their memory is reused for the next record.
 #[derive(Debug, Default)]
 pub(crate) struct Blocks {
-    all: Vec<Block>,
+    means: Vec<f64>,
+    mean_squares: Vec<f64>,
+    mean_magnitudes: Vec<f64>,
+    /// Greatest magnitudes.
+    peaks: Vec<f64>,
     /// Samples per block.
     count: usize,
     are_short: bool,
@@ -50,13 +44,21 @@ impl Blocks {
         self.are_short = asked_for < BLOCK_SAMPLES;
         self.count = asked_for.max(BLOCK_SAMPLES);
         self.rate_hz = sample_rate_hz / asked_for as f64;
-        self.all.resize(signal.len() / self.count, Block::default());
-        Fill { signal, write, count: self.count, blocks: &mut self.all }.wide();
+        let blocks = [&mut self.means, &mut self.mean_squares, &mut self.mean_magnitudes, &mut self.peaks].map(|all| {
+            all.resize(signal.len() / self.count, 0.0);
+            &mut all[..]
+        });
+        Fill { signal, write, count: self.count, blocks }.wide();
     }
 
-    /// The blocks of the last record, for the rules; empty if they are too short.
-    pub(crate) fn all(&self) -> &[Block] {
-        if self.are_short { &[] } else { &self.all }
+    /// The means of the last record's blocks, for the rules; none if blocks are too short.
+    pub(crate) fn means(&self) -> &[f64] {
+        if self.are_short { &[] } else { &self.means }
+    }
+
+    /// The greatest magnitudes of the last record's blocks, for the rules; none if blocks are too short.
+    pub(crate) fn peaks(&self) -> &[f64] {
+        if self.are_short { &[] } else { &self.peaks }
     }
 
     /// Blocks per second.
@@ -68,32 +70,31 @@ impl Blocks {
     pub(crate) fn moments<T: Real>(&self, signal: &[T]) -> Moments {
         let count = signal.len() as f64;
         Moments {
-            mean: self.sum(signal, 0, |block| block.mean, |x| x) / count,
-            mean_square: self.sum(signal, 0, |block| block.mean_square, |x| x * x) / count,
+            mean: self.sum(signal, 0, &self.means, |x| x) / count,
+            mean_square: self.sum(signal, 0, &self.mean_squares, |x| x * x) / count,
         }
     }
 
     /// Sum of the magnitudes of the same `signal`, from sample `first` on.
     pub(crate) fn magnitude<T: Real>(&self, signal: &[T], first: usize) -> f64 {
-        self.sum(signal, first, |block| block.mean_magnitude, f64::abs)
+        self.sum(signal, first, &self.mean_magnitudes, f64::abs)
     }
 
-    /// Sum over the same `signal` from sample `first` on: whole blocks by their means, the other samples one by one.
-    fn sum<T: Real>(&self, signal: &[T], first: usize, mean: impl Fn(&Block) -> f64, term: impl Fn(f64) -> f64) -> f64 {
-        let whole = first.div_ceil(self.count).min(self.all.len());
+    /// Sum over the same `signal` from sample `first` on: whole blocks by their `means`, the other samples one by one.
+    fn sum<T: Real>(&self, signal: &[T], first: usize, means: &[f64], term: impl Fn(f64) -> f64) -> f64 {
+        let whole = first.div_ceil(self.count).min(means.len());
         let before = signal.get(first..whole * self.count).unwrap_or_default();
-        let behind = signal.get((self.all.len() * self.count).max(first)..).unwrap_or_default();
+        let behind = signal.get((means.len() * self.count).max(first)..).unwrap_or_default();
         let beside: f64 = before.iter().chain(behind).map(|x| term(x.widened())).sum();
-        self.count as f64 * folded_blocks(&self.all[whole..], mean, |a, b| a + b) + beside
+        self.count as f64 * folded_in_lanes(&means[whole..], |mean| mean, |a, b| a + b) + beside
     }
 
     /// Noise: the root of the median of the mean squares of blocks `from` to before `to`, around their common mean. The
     /// median ignores events in less than half of the blocks. `None` without blocks.
     pub(crate) fn noise(&mut self, from: usize, to: usize) -> Option<f64> {
-        let blocks = self.all().get(from..to)?;
-        let mean = mean_of(blocks);
+        let of_all = mean_of(self.means().get(from..to)?);
         // The mean square around another level, from that around 0.
-        self.root_of_median(from, to, |b| b.mean_square - 2.0 * mean * b.mean + mean * mean)
+        self.root_of_median(from, to, |mean, square| square - 2.0 * of_all * mean + of_all * of_all)
     }
 
     /// Noise beside hum: as [`Blocks::noise`], but around the mean of each block, less what a sine of `amplitude` and
@@ -101,32 +102,35 @@ impl Blocks {
     pub(crate) fn noise_beside(&mut self, from: usize, to: usize, amplitude: f64, turns: f64) -> Option<f64> {
         // A slope s has the variance s^2/12 in a block, and the median of the sine's squared slopes is half the greatest.
         let of_sine = (TAU * turns * amplitude).powi(2) / 24.0;
-        self.root_of_median(from, to, |b| b.mean_square - b.mean * b.mean - of_sine)
+        self.root_of_median(from, to, |mean, square| square - mean * mean - of_sine)
     }
 
-    fn root_of_median(&mut self, from: usize, to: usize, square: impl Fn(&Block) -> f64) -> Option<f64> {
-        let Self { all, are_short, keys, .. } = self;
-        let blocks = all.get(from..to).filter(|blocks| !*are_short && !blocks.is_empty())?;
+    /// The root of the median of the `value` of blocks `from` to before `to`, by their means and mean squares.
+    fn root_of_median(&mut self, from: usize, to: usize, value: impl Fn(f64, f64) -> f64) -> Option<f64> {
+        let Self { means, mean_squares, are_short, keys, .. } = self;
+        let means = means.get(from..to).filter(|means| !*are_short && !means.is_empty())?;
         keys.clear();
-        keys.extend(blocks.iter().map(|block| (square(block) as f32).key()));
+        keys.extend(
+            means.iter().zip(&mean_squares[from..to]).map(|(&mean, &square)| (value(mean, square) as f32).key()),
+        );
         let middle = keys.len() / 2;
         let median = f64::from(f32::from_key(*keys.select_nth_unstable(middle).1));
         Some(if median > 0.0 { median.sqrt() } else { 0.0 })
     }
 }
 
-pub(crate) fn mean_of(blocks: &[Block]) -> f64 {
-    folded_blocks(blocks, |block| block.mean, |a, b| a + b) / blocks.len() as f64
+pub(crate) fn mean_of(values: &[f64]) -> f64 {
+    folded_in_lanes(values, |value| value, |a, b| a + b) / values.len() as f64
 }
 
-/// The `value` of all `blocks` folded into one by `of_two`. If `of_two` is not a sum, `value` must not be below 0.
+/// What `of_each` makes of all `values`, folded into one by `of_two`. If `of_two` is not a sum, nothing may be below 0.
 ///
 /// Uses lanes, because each step of a fold in one variable waits for the one before.
-pub(crate) fn folded_blocks(blocks: &[Block], value: impl Fn(&Block) -> f64, of_two: impl Fn(f64, f64) -> f64) -> f64 {
+pub(crate) fn folded_in_lanes(values: &[f64], of_each: impl Fn(f64) -> f64, of_two: impl Fn(f64, f64) -> f64) -> f64 {
     let mut lanes = [0.0; FOLD_LANES];
-    for blocks in blocks.chunks(FOLD_LANES) {
-        for (lane, block) in lanes.iter_mut().zip(blocks) {
-            *lane = of_two(*lane, value(block));
+    for values in values.chunks(FOLD_LANES) {
+        for (lane, &value) in lanes.iter_mut().zip(values) {
+            *lane = of_two(*lane, of_each(value));
         }
     }
     lanes.into_iter().fold(0.0, of_two)
@@ -148,7 +152,8 @@ const OF_TWO: usize = 2 * LANES;
 /// Blocks whose lanes are stored before they are added up; the compiler makes vectors at stores.
 const GROUP: usize = 16;
 
-/// Lets `write` fill `signal`, and computes `blocks` of `count` samples each.
+/// Lets `write` fill `signal`, and computes `blocks` of `count` samples each: their means, mean squares, mean magnitudes and
+/// greatest magnitudes.
 ///
 /// Uses lanes, because the compiler may not reorder a sum or a maximum of floats into SIMD. A block is short enough for
 /// `T`: up to 1 MHz a lane has 125 terms, of which an `f32` loses at most 1e-5.
@@ -156,7 +161,7 @@ struct Fill<'a, T, W> {
     signal: &'a mut [T],
     write: W,
     count: usize,
-    blocks: &'a mut [Block],
+    blocks: [&'a mut [f64]; 4],
 }
 
 impl<T: Real, W: FnMut(usize, &mut [T])> Kernel for Fill<'_, T, W> {
@@ -164,14 +169,14 @@ impl<T: Real, W: FnMut(usize, &mut [T])> Kernel for Fill<'_, T, W> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { signal, mut write, count, blocks } = self;
+        let Self { signal, mut write, count, mut blocks } = self;
         let part = 1.0 / count as f64;
+        let block_count = blocks[0].len();
         let mut sums: [[T; GROUP * LANES]; 4] = [[T::zero(); GROUP * LANES]; 4];
-        let mut from = 0;
-        for group in blocks.chunks_mut(GROUP) {
-            let samples = &mut signal[from..from + count * group.len()];
-            write(from, samples);
-            from += samples.len();
+        for first in (0..block_count).step_by(GROUP) {
+            let end = if first + GROUP < block_count { first + GROUP } else { block_count };
+            let samples = &mut signal[first * count..end * count];
+            write(first * count, samples);
             for (number, two) in samples.chunks(2 * count).enumerate() {
                 // Of an odd number of blocks the last is taken twice, and once into lanes that no block has.
                 let (first, second) = if two.len() > count { two.split_at(count) } else { (two, two) };
@@ -181,17 +186,19 @@ impl<T: Real, W: FnMut(usize, &mut [T])> Kernel for Fill<'_, T, W> {
                 }
             }
             let sum = |a, b| a + b;
-            let (means, squares, magnitudes) = (folded(&sums[0], sum), folded(&sums[1], sum), folded(&sums[2], sum));
-            let peaks = folded(&sums[3], |a, b| if b > a { b } else { a });
-            for (number, block) in group.iter_mut().enumerate() {
-                *block = Block {
-                    mean: means[number].widened() * part,
-                    mean_square: squares[number].widened() * part,
-                    mean_magnitude: magnitudes[number].widened() * part,
-                    peak: peaks[number].widened(),
-                };
+            let folded = [
+                folded(&sums[0], sum),
+                folded(&sums[1], sum),
+                folded(&sums[2], sum),
+                folded(&sums[3], |a, b| if b > a { b } else { a }),
+            ];
+            for ((blocks, folded), part) in blocks.iter_mut().zip(&folded).zip([part, part, part, 1.0]) {
+                for (block, folded) in blocks[first..end].iter_mut().zip(folded) {
+                    *block = folded.widened() * part;
+                }
             }
         }
+        let from = block_count * count;
         write(from, &mut signal[from..]);
     }
 }
@@ -251,16 +258,10 @@ mod tests {
         let mut blocks = Blocks::default();
         blocks.fill(&mut signal, 10_000.0, |from, to| (from..).zip(to).for_each(|(i, x)| *x = -(i as f64)));
         assert!((0..99).all(|i| signal[i].to_bits() == (-(i as f64)).to_bits()), "all is written");
-        assert_eq!(blocks.all().len(), 9);
-        assert_eq!(
-            blocks.all()[2],
-            Block {
-                mean: -24.5,
-                mean_square: (20..30).map(|i| f64::from(i * i)).sum::<f64>() / 10.0,
-                mean_magnitude: 24.5,
-                peak: 29.0
-            }
-        );
+        assert_eq!((blocks.means().len(), blocks.peaks().len()), (9, 9));
+        let mean_square = (20..30).map(|i| f64::from(i * i)).sum::<f64>() / 10.0;
+        assert_eq!((blocks.means[2], blocks.mean_squares[2]), (-24.5, mean_square));
+        assert_eq!((blocks.mean_magnitudes[2], blocks.peaks[2]), (24.5, 29.0));
         let counts = [0.0, 1.0, 7000.0, 31_400.0, 36_000.0, 40_960.0, 44_100.0, 192_000.0].map(samples_per_block);
         assert_eq!(counts, [1, 1, 7, 31, 40, 40, 48, 192]);
         assert!(samples_per_block(f64::MAX) > 1 << 40);
@@ -278,7 +279,7 @@ mod tests {
         assert!((blocks.noise(0, 100).unwrap() - 0.5).abs() < 1e-2);
         assert_eq!((blocks.noise(3, 3), blocks.noise(99, 101)), (None, None));
         blocks.fill(&mut signal, 2000.0, |_, _| ());
-        assert!(blocks.all().is_empty());
+        assert!(blocks.means().is_empty() && blocks.peaks().is_empty() && blocks.noise(0, 1).is_none());
     }
 
     /// Catches a sample left out of a sum or counted twice, wherever the sum begins, and sums that depend on the length
@@ -305,7 +306,7 @@ mod tests {
     /// a sample after the block that is counted: the twin goes sample by sample, and all bits are compared.
     #[test]
     fn blocks_have_the_same_bits_on_every_machine() {
-        fn twin<T: Real>(block: &[T]) -> Block {
+        fn twin<T: Real>(block: &[T]) -> [f64; 4] {
             let mut lanes = [[T::zero(); LANES]; 4];
             for (i, &x) in block.iter().enumerate() {
                 let lane = i % LANES;
@@ -321,22 +322,24 @@ mod tests {
             let peak = lanes[3].iter().fold(0.0, |a, x| if x.widened() > a { x.widened() } else { a });
             let part = 1.0 / block.len() as f64;
             let [mean, mean_square, mean_magnitude] = [0, 1, 2].map(|n| sum(lanes[n]) * part);
-            Block { mean, mean_square, mean_magnitude, peak }
+            [mean, mean_square, mean_magnitude, peak]
         }
         fn check<T: Real>(count: usize) {
             let signal: Vec<T> = (0..count * 21 + 5).map(|i| T::rounded((i as f64 * 0.7).sin() * 1.9)).collect();
-            let expected: Vec<Block> = signal.chunks_exact(count).map(twin).collect();
-            let mut blocks = vec![Block::default(); expected.len()];
+            let of_blocks: Vec<[f64; 4]> = signal.chunks_exact(count).map(twin).collect();
+            let expected: [Vec<f64>; 4] = from_fn(|n| of_blocks.iter().map(|block| block[n]).collect());
+            let zeros = || from_fn(|_| vec![0.0; of_blocks.len()]);
             let write = |from: usize, to: &mut [T]| to.copy_from_slice(&signal[from..][..to.len()]);
-            let mut written = vec![T::zero(); signal.len()];
-            Fill { signal: &mut written, write, count, blocks: &mut blocks }.run();
+            let (mut written, mut found): (_, [Vec<f64>; 4]) = (vec![T::zero(); signal.len()], zeros());
+            Fill { signal: &mut written, write, count, blocks: found.each_mut().map(|all| &mut all[..]) }.run();
             assert_eq!(written, signal, "{count}");
-            assert_eq!(blocks, expected, "{count}");
+            assert_eq!(found, expected, "{count}");
             for is_narrow in [true, false] {
                 without_avx512(is_narrow);
-                blocks.fill(Block::default());
-                Fill { signal: &mut written, write: |_: usize, _: &mut [T]| (), count, blocks: &mut blocks }.wide();
-                assert_eq!(blocks, expected, "{count}");
+                let mut found = zeros();
+                let blocks = found.each_mut().map(|all| &mut all[..]);
+                Fill { signal: &mut written, write: |_: usize, _: &mut [T]| (), count, blocks }.wide();
+                assert_eq!(found, expected, "{count}");
             }
         }
         for count in (4..50).chain([192]) {

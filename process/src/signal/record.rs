@@ -19,6 +19,8 @@ pub(crate) trait Count: Copy + PartialOrd + Into<f64> {
     fn is_rail(self) -> bool;
     /// The sample in single precision, which holds it exactly.
     fn exact_f32(self) -> f32;
+    /// The mean of eight samples, as single precision adds them up.
+    fn mean_of(eight: [Self; 8]) -> f32;
     /// Whether four samples are one value.
     fn are_equal(four: [Self; 4]) -> bool;
     /// Integers that order as samples do, and as their distances from a base do; what is not a number is the least or the largest.
@@ -63,6 +65,18 @@ impl Count for i16 {
     fn exact_f32(self) -> f32 {
         f32::from(self)
     }
+    #[inline(always)]
+    fn mean_of(eight: [Self; 8]) -> f32 {
+        // From 0 to 65535, so that sums of the halves, and of the quarters, of a word stay in their place.
+        let words: [u64; 2] = bytemuck::cast(eight);
+        let [a, b] = words.map(|word| {
+            let word = word ^ 0x8000_8000_8000_8000;
+            (word & 0x0000_FFFF_0000_FFFF) + ((word >> 16) & 0x0000_FFFF_0000_FFFF)
+        });
+        let sum = a + b;
+        let sum = (sum as u32 + (sum >> 32) as u32) as i32 - 8 * 0x8000;
+        sum as f32 / 8.0
+    }
     fn are_equal(four: [Self; 4]) -> bool {
         let word: u64 = bytemuck::cast(four);
         word == word.rotate_left(Self::BITS)
@@ -103,6 +117,10 @@ impl Count for f32 {
     }
     fn exact_f32(self) -> f32 {
         self
+    }
+    #[inline(always)]
+    fn mean_of([a, b, c, d, e, f, g, h]: [Self; 8]) -> f32 {
+        (((a + e) + (b + f)) + ((c + g) + (d + h))) / 8.0
     }
     fn are_equal([a, b, c, d]: [Self; 4]) -> bool {
         // As bits, which a channel that stands still repeats.

@@ -21,6 +21,7 @@ use plans::Plans;
 
 use crate::signal::blocks::Moments;
 use crate::signal::real::sum_of;
+use crate::signal::wide::Kernel;
 use crate::{BandEdges, Real, SpectrumEstimator};
 
 pub(crate) use bands::Bands;
@@ -191,19 +192,10 @@ fn cells(grid: &Grid, edges: BandEdges, bands: &Bands) -> Option<(Cells, Cells)>
 
 /// The mean frequency of the bins of `band`, weighted by their powers, without 0 Hz as in [`Grid::fold`].
 fn centroid_hz(grid: &Grid, band: &Cells, powers: &[f64], sample_count: usize) -> f64 {
-    // Lanes let the compiler use vectors; bins are counted from the band's first.
-    const LANES: usize = 8;
     let bins = band.whole.start.max(1)..band.whole.end;
     let (first, of_bins) = (bins.start as f64, powers.get(bins.clone()).unwrap_or_default());
-    let (mut sums, mut moments) = ([0.0; LANES], [0.0; LANES]);
-    let (rows, rest) = of_bins.as_chunks::<LANES>();
-    for (row, at) in rows.iter().zip((0_u32..).step_by(LANES)) {
-        for (lane, &power) in row.iter().enumerate() {
-            sums[lane] += power;
-            moments[lane] += f64::from(at + lane as u32) * power;
-        }
-    }
-    let (mut sum, mut moment): (f64, f64) = (sums.iter().sum(), moments.iter().sum());
+    let (rows, rest) = of_bins.as_chunks();
+    let (mut sum, mut moment) = Balance { rows }.wide();
     let mut add = |bin: usize, part: f64| {
         sum += part * powers[bin];
         moment += part * (bin as f64 - first) * powers[bin];
@@ -215,6 +207,32 @@ fn centroid_hz(grid: &Grid, band: &Cells, powers: &[f64], sample_count: usize) -
     }
     band.edges.into_iter().filter(|&(bin, part)| bin > 0 && part > 0.0).for_each(|(bin, part)| add(bin, part));
     (first + moment / sum) * grid.bin_width_hz()
+}
+
+/// Lanes of a [`Balance`]; they let the compiler use vectors.
+const LANES: usize = 8;
+
+/// Sum and first moment of powers; bins are counted from the first.
+struct Balance<'a> {
+    rows: &'a [[f64; LANES]],
+}
+
+impl Kernel for Balance<'_> {
+    type Output = (f64, f64);
+
+    #[inline(always)]
+    fn run(self) -> (f64, f64) {
+        let (mut sums, mut moments) = ([0.0; LANES], [0.0; LANES]);
+        let mut bins: [f64; LANES] = std::array::from_fn(|lane| lane as f64);
+        for row in self.rows {
+            for (lane, &power) in row.iter().enumerate() {
+                sums[lane] += power;
+                moments[lane] += bins[lane] * power;
+                bins[lane] += LANES as f64;
+            }
+        }
+        (sums.iter().sum(), moments.iter().sum())
+    }
 }
 
 /// One past the last bin of both bands.
