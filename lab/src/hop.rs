@@ -331,7 +331,9 @@ fn from_topic(role: Role, size: Size, name: &str) -> Result<Seen> {
         match taps.receive()? {
             Some(tap) if tap.kind() == Some(RecordKind::End) => break,
             Some(tap) => seen.take(bytes_of(&tap).get(..size.used).unwrap_or_default()),
-            None => line.wait(Duration::from_millis(100))?,
+            None => {
+                line.wait(Duration::from_millis(100))?;
+            }
         }
     }
     seen.bad += taps.lost();

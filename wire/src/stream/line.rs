@@ -114,17 +114,18 @@ impl Line {
         number
     }
 
-    /// Waits until something is notified or `timeout` passes, a second at most.
+    /// Waits until something is notified or `timeout` passes, a second at most. Returns whether it had to: a notification
+    /// that came before this call ends the wait at once.
     ///
     /// # Errors
     /// [`LineError::File`] when the system refuses.
-    pub fn wait(&self, timeout: Duration) -> Result<(), LineError> {
-        // A notification that came before this call ends the wait at once.
-        if !timeout.is_zero() && self.mailbox.count() == self.seen.get() {
+    pub fn wait(&self, timeout: Duration) -> Result<bool, LineError> {
+        let is_quiet = !timeout.is_zero() && self.mailbox.count() == self.seen.get();
+        if is_quiet {
             self.mailbox.sleep(self.seen.get(), timeout.min(WAIT_MAX))?;
         }
         self.seen.set(self.mailbox.count());
-        Ok(())
+        Ok(is_quiet)
     }
 
     /// Lets the next wait end at once: a wait on behalf of something else may have seen what it would wait for.
