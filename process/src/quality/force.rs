@@ -349,7 +349,8 @@ mod tests {
     fn means_of_counts_are_those_of_floats() {
         let mut means = Vec::new();
         for place in 0..16 {
-            for (value, beside) in [(i16::MIN, i16::MAX), (i16::MAX, i16::MIN), (-1, 0), (i16::MIN, i16::MIN), (77, -3)] {
+            for (value, beside) in [(i16::MIN, i16::MAX), (i16::MAX, i16::MIN), (-1, 0), (i16::MIN, i16::MIN), (77, -3)]
+            {
                 let mut samples = [beside; 16];
                 samples[place] = value;
                 fill_means(&samples, &mut means);

@@ -234,7 +234,7 @@ fn hum(blocks: &Blocks, least: f64) -> Option<Hum> {
 /// Upper bound of the [`amplitudes`] of any sine in the means `tail` of blocks around their `mean`: twice the largest
 /// deviation.
 fn loudest_line(tail: &[f64], mean: f64) -> f64 {
-    ROUNDED_UP * 2.0 * folded_in_lanes(tail, |of_block| (of_block - mean).abs(), greater)
+    ROUNDED_UP * 2.0 * folded_in_lanes(tail, |block_mean| (block_mean - mean).abs(), greater)
 }
 
 /// Amplitude of a sine of each of `turns` per block in the means `tail` of blocks around their `mean`, through a Hann window.
@@ -246,10 +246,10 @@ fn amplitudes<const N: usize>(tail: &[f64], mean: f64, turns: [f64; N]) -> [f64;
     let (mut waves, steps) = ([Complex::new(1.0, 0.0); N], turns.map(|turns| Complex::cis(TAU * turns)));
     let (mut window, window_step) = (Complex::cis(0.5 * per_block), Complex::cis(per_block));
     let (mut sums, mut weight) = ([Complex::new(0.0, 0.0); N], 0.0);
-    for of_block in tail {
+    for block_mean in tail {
         let w = 0.5 - 0.5 * window.re;
         for ((sum, wave), step) in sums.iter_mut().zip(&mut waves).zip(&steps) {
-            *sum += *wave * (w * (of_block - mean));
+            *sum += *wave * (w * (block_mean - mean));
             *wave *= *step;
         }
         weight += w;

@@ -175,6 +175,21 @@ mod tests {
             prop_assert_eq!(medians.noise_counts(&samples, base).to_bits(), (1.4826 * twin(distances)).to_bits());
         }
 
+        /// Catches a bracket that leaves the middle out where the range of keys ends, and equal keys: few of them, close
+        /// together at either end.
+        #[test]
+        fn middles_at_the_ends_of_the_range(steps in prop::collection::vec(0_i16..7, 1..8), is_at_top: bool) {
+            let end = if is_at_top { (i16::MAX, i32::MAX, -1) } else { (i16::MIN, i32::MIN, 1) };
+            let keys: Vec<i16> = steps.iter().map(|step| end.0 + end.2 * step).collect();
+            let wide: Vec<i32> = steps.iter().map(|&step| end.1 + i32::from(end.2 * step)).collect();
+            let mut sorted = keys.clone();
+            sorted.sort_unstable();
+            let expected = (sorted[(keys.len() - 1) / 2], sorted[keys.len() / 2]);
+            prop_assert_eq!((Middle { keys: &keys }).wide(), Some(expected));
+            let widened = |key: i16| end.1 + (i32::from(key) - i32::from(end.0));
+            prop_assert_eq!((Middle { keys: &wide }).wide(), Some((widened(expected.0), widened(expected.1))));
+        }
+
         /// Catches middles that differ with the machine's vectors.
         #[test]
         fn middles_are_the_same_on_every_machine(keys in prop::collection::vec(any::<i32>(), 0..90)) {

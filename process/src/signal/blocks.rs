@@ -173,10 +173,10 @@ impl<T: Real, W: FnMut(usize, &mut [T])> Kernel for Fill<'_, T, W> {
         let part = 1.0 / count as f64;
         let block_count = blocks[0].len();
         let mut sums: [[T; GROUP * LANES]; 4] = [[T::zero(); GROUP * LANES]; 4];
-        for first in (0..block_count).step_by(GROUP) {
-            let end = if first + GROUP < block_count { first + GROUP } else { block_count };
-            let samples = &mut signal[first * count..end * count];
-            write(first * count, samples);
+        for from in (0..block_count).step_by(GROUP) {
+            let to = if from + GROUP < block_count { from + GROUP } else { block_count };
+            let samples = &mut signal[from * count..to * count];
+            write(from * count, samples);
             for (number, two) in samples.chunks(2 * count).enumerate() {
                 // Of an odd number of blocks the last is taken twice, and once into lanes that no block has.
                 let (first, second) = if two.len() > count { two.split_at(count) } else { (two, two) };
@@ -186,15 +186,15 @@ impl<T: Real, W: FnMut(usize, &mut [T])> Kernel for Fill<'_, T, W> {
                 }
             }
             let sum = |a, b| a + b;
-            let folded = [
+            let of_group = [
                 folded(&sums[0], sum),
                 folded(&sums[1], sum),
                 folded(&sums[2], sum),
                 folded(&sums[3], |a, b| if b > a { b } else { a }),
             ];
-            for ((blocks, folded), part) in blocks.iter_mut().zip(&folded).zip([part, part, part, 1.0]) {
-                for (block, folded) in blocks[first..end].iter_mut().zip(folded) {
-                    *block = folded.widened() * part;
+            for ((blocks, of_group), part) in blocks.iter_mut().zip(&of_group).zip([part, part, part, 1.0]) {
+                for (block, of_block) in blocks[from..to].iter_mut().zip(of_group) {
+                    *block = of_block.widened() * part;
                 }
             }
         }

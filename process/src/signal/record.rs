@@ -17,9 +17,7 @@ pub(crate) trait Count: Copy + PartialOrd + Into<f64> {
     fn is_number(self) -> bool;
     /// Whether the sample is at the end of the converter's range, as far as the format shows.
     fn is_rail(self) -> bool;
-    /// The sample in single precision, which holds it exactly.
-    fn exact_f32(self) -> f32;
-    /// The mean of eight samples, as single precision adds them up.
+    /// The mean of eight samples, in single precision.
     fn mean_of(eight: [Self; 8]) -> f32;
     /// Whether four samples are one value.
     fn are_equal(four: [Self; 4]) -> bool;
@@ -62,12 +60,9 @@ impl Count for i16 {
         // Twelve bits, left-justified, end at 32752.
         self >= i16::MAX - 15 || self <= i16::MIN + 15
     }
-    fn exact_f32(self) -> f32 {
-        f32::from(self)
-    }
     #[inline(always)]
     fn mean_of(eight: [Self; 8]) -> f32 {
-        // From 0 to 65535, so that sums of the halves, and of the quarters, of a word stay in their place.
+        // Exact. Counts are shifted to 0..=65535, so that no sum carries into the other half of its word.
         let words: [u64; 2] = bytemuck::cast(eight);
         let [a, b] = words.map(|word| {
             let word = word ^ 0x8000_8000_8000_8000;
@@ -101,7 +96,7 @@ impl Count for i16 {
     }
     fn centred<T: Real>(self, base: f64, gain: f64) -> T {
         // The median of 16-bit counts is a whole or half count, so this is exact in f32 too.
-        (T::rounded(f64::from(self.exact_f32())) - T::rounded(base)) * T::rounded(gain)
+        (T::rounded(f64::from(self)) - T::rounded(base)) * T::rounded(gain)
     }
 }
 
@@ -114,9 +109,6 @@ impl Count for f32 {
     }
     fn is_rail(self) -> bool {
         false
-    }
-    fn exact_f32(self) -> f32 {
-        self
     }
     #[inline(always)]
     fn mean_of([a, b, c, d, e, f, g, h]: [Self; 8]) -> f32 {

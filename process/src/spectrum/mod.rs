@@ -195,7 +195,7 @@ fn centroid_hz(grid: &Grid, band: &Cells, powers: &[f64], sample_count: usize) -
     let bins = band.whole.start.max(1)..band.whole.end;
     let (first, of_bins) = (bins.start as f64, powers.get(bins.clone()).unwrap_or_default());
     let (rows, rest) = of_bins.as_chunks();
-    let (mut sum, mut moment) = Balance { rows }.wide();
+    let (mut sum, mut moment) = FirstMoment { rows }.wide();
     let mut add = |bin: usize, part: f64| {
         sum += part * powers[bin];
         moment += part * (bin as f64 - first) * powers[bin];
@@ -209,15 +209,15 @@ fn centroid_hz(grid: &Grid, band: &Cells, powers: &[f64], sample_count: usize) -
     (first + moment / sum) * grid.bin_width_hz()
 }
 
-/// Lanes of a [`Balance`]; they let the compiler use vectors.
+/// Lanes of a [`FirstMoment`]; they let the compiler use vectors.
 const LANES: usize = 8;
 
 /// Sum and first moment of powers; bins are counted from the first.
-struct Balance<'a> {
+struct FirstMoment<'a> {
     rows: &'a [[f64; LANES]],
 }
 
-impl Kernel for Balance<'_> {
+impl Kernel for FirstMoment<'_> {
     type Output = (f64, f64);
 
     #[inline(always)]
@@ -245,6 +245,21 @@ mod tests {
     use std::f64::consts::PI;
 
     use super::*;
+    use crate::signal::wide::in_all_vectors;
+
+    /// Catches a lane that is left out or counted from another bin, and sums that depend on the machine's vectors.
+    #[test]
+    fn first_moments_are_the_same_on_every_machine() {
+        for count in 0..9 {
+            let rows: Vec<[f64; LANES]> = noise(count * LANES).as_chunks().0.to_vec();
+            let powers = rows.as_flattened();
+            let expected = powers.iter().enumerate().map(|(bin, power)| bin as f64 * power).sum::<f64>();
+            let found = in_all_vectors(|| FirstMoment { rows: &rows });
+            let bits = found.map(|(sum, moment)| [sum.to_bits(), moment.to_bits()]);
+            assert_eq!(bits, [bits[0]; 3]);
+            assert!((found[0].0 - powers.iter().sum::<f64>()).abs() < 1e-12 && (found[0].1 - expected).abs() < 1e-10);
+        }
+    }
 
     const BANDS: Bands = Bands { f_c_hz: 550.0, f_hi_hz: 2000.0, f_lo_hz: 70.0, f_top_hz: 3000.0 };
     const EVERYTHING: Bands = Bands { f_c_hz: 1e-9, f_hi_hz: 1e9, f_lo_hz: 0.0, f_top_hz: 1e9 };

@@ -114,8 +114,8 @@ impl Line {
         number
     }
 
-    /// Waits until something is notified or `timeout` passes, a second at most. Returns whether it had to: a notification
-    /// that came before this call ends the wait at once.
+    /// Waits until something is notified or `timeout` passes, a second at most. Returns whether it went to sleep: not if a
+    /// notification came before this call, or `timeout` is zero.
     ///
     /// # Errors
     /// [`LineError::File`] when the system refuses.

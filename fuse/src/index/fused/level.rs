@@ -127,8 +127,8 @@ impl Fused {
             Some(quantile(values, START_FRACTION)? + gap(condition, d))
         });
         for _ in 0..ROUNDS {
-            let means = self.tap_means(casing, self.taps(casing, &levels));
-            let kept = self.inliers(casing, &means);
+            let borne_out = self.borne_out(casing, &self.taps(casing, &levels));
+            let kept = self.inliers(casing, &self.means(casing, &borne_out));
             levels = self.medians(casing, &kept, Some(&levels));
         }
         for (shoulder, levels) in casing.iter().zip(&mut levels) {

@@ -63,15 +63,15 @@ struct Scale {
 impl Index for Fused {
     fn scores(&self, casing: &[&Shoulder]) -> Vec<Scores> {
         let taps = self.taps(casing, &self.levels(casing));
-        let means = self.tap_means(casing, taps.clone());
+        let (uncut, means) = (self.means(casing, &taps), self.means(casing, &self.borne_out(casing, &taps)));
         let inliers = self.inliers(casing, &means);
-        let of = |(((shoulder, taps), means), is_inlier): (((&&Shoulder, _), _), _)| Scores {
+        let of = |((((shoulder, taps), uncut), means), is_inlier): ((((&&Shoulder, _), _), _), _)| Scores {
             by_offset: self.by_offset(means),
-            uncut: self.by_offset(&self.means(shoulder, taps)),
+            uncut: self.by_offset(uncut),
             by_discriminator: self.by_discriminator(shoulder, taps),
             is_inlier,
         };
-        casing.iter().zip(&taps).zip(&means).zip(inliers).map(of).collect()
+        casing.iter().zip(&taps).zip(&uncut).zip(&means).zip(inliers).map(of).collect()
     }
 
     fn sigma(&self, condition: usize, d: usize) -> Option<f64> {
@@ -142,7 +142,7 @@ impl Fused {
     /// The mean over offsets of each place and its neighbours.
     fn near_means(&self, shoulder: &Shoulder, means: &TapMeans) -> Vec<Vector> {
         let scores = self.by_offset(means);
-        let mut means = vec![ABSENT; shoulder.place_count()];
+        let mut near = vec![ABSENT; shoulder.place_count()];
         for d in 0..self.setup.discriminators.len() {
             let mean = |place: usize| {
                 let values = scores.iter().map(|of_offset| of_offset[place][d]).filter(|value| value.is_finite());
@@ -150,11 +150,11 @@ impl Fused {
                 (count > 0).then(|| sum / f64::from(count))
             };
             let of_places: Vec<Option<f64>> = (0..shoulder.place_count()).map(mean).collect();
-            for (of_place, mean) in means.iter_mut().zip(shoulder.ring.mean_of_3(&of_places)) {
+            for (of_place, mean) in near.iter_mut().zip(shoulder.ring.mean_of_3(&of_places)) {
                 of_place[d] = mean.unwrap_or(f64::NAN);
             }
         }
-        means
+        near
     }
 
     fn scales_of(&self, shoulders: &[&Shoulder], kept: &[Vec<bool>], levels: &[Levels]) -> Vec<Vec<Option<Scale>>> {
@@ -213,12 +213,10 @@ impl Fused {
         }
         self.tap_scatter = self.scatter_of(sound);
 
-        let taps: Vec<Taps> =
-            shoulders.iter().zip(taps).map(|(shoulder, taps)| self.borne_out(shoulder, taps)).collect();
-        let means: Vec<TapMeans> =
-            shoulders.iter().zip(&taps).map(|(shoulder, taps)| self.means(shoulder, taps)).collect();
+        let borne_out = self.borne_out(shoulders, &taps);
+        let means = self.means(shoulders, &borne_out);
         let width = self.setup.discriminators.len();
-        let deviations = self.within_variances(shoulders, kept, &taps, &means);
+        let deviations = self.within_variances(shoulders, kept, &borne_out, &means);
         self.offsets = (0..self.setup.offset_count)
             .map(|offset| {
                 let of = |d: usize| {
@@ -259,10 +257,8 @@ impl Fused {
         let mut levels = Vec::new();
         for_casings(&all, |casing| levels.extend(self.levels(casing)));
         let width = self.setup.discriminators.len();
-        let taps: Vec<Taps> =
-            all.iter().zip(self.taps(&all, &levels)).map(|(shoulder, taps)| self.borne_out(shoulder, taps)).collect();
-        let means: Vec<TapMeans> = all.iter().zip(&taps).map(|(shoulder, taps)| self.means(shoulder, taps)).collect();
-        let variances = self.within_variances(&all, kept, &taps, &means);
+        let borne_out = self.borne_out(&all, &self.taps(&all, &levels));
+        let variances = self.within_variances(&all, kept, &borne_out, &self.means(&all, &borne_out));
         for (scale, variance) in self.offsets.iter_mut().flatten().zip(variances.iter().flat_map(|v| &v[..width])) {
             if let Some((scale, variance)) = scale.as_mut().zip(*variance) {
                 scale.part(variance);
@@ -275,12 +271,12 @@ impl Fused {
         &self,
         shoulders: &[&Shoulder],
         kept: &[Vec<bool>],
-        taps: &[Taps],
+        borne_out: &[Taps],
         means: &[TapMeans],
     ) -> Vec<[Option<f64>; ABSENT.len()]> {
         let mut squares = vec![[(0.0, 0_u32); ABSENT.len()]; self.setup.offset_count];
-        for (((shoulder, kept), taps), means) in shoulders.iter().zip(kept).zip(taps).zip(means) {
-            for (turn, scores) in shoulder.turns.iter().zip(taps) {
+        for (((shoulder, kept), borne_out), means) in shoulders.iter().zip(kept).zip(borne_out).zip(means) {
+            for (turn, scores) in shoulder.turns.iter().zip(borne_out) {
                 let offset = self.setup.offset_of[turn.condition];
                 for ((scores, means), _) in scores.iter().zip(&means[offset]).zip(kept).filter(|(_, kept)| **kept) {
                     for ((sum, score), &(mean, count)) in squares[offset].iter_mut().zip(scores).zip(means) {

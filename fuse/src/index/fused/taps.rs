@@ -51,9 +51,13 @@ impl Fused {
         sums.into_iter().map(|sum| sum.mean()[..self.setup.discriminators.len()].to_vec()).collect()
     }
 
-    /// The `taps`, of which the one of a place that stands out most counts no more than the next one bears out: another of that
-    /// place, or one of a neighbour.
-    pub(super) fn borne_out(&self, shoulder: &Shoulder, mut taps: Taps) -> Taps {
+    /// The `taps` of each shoulder, of which the one of a place that stands out most counts no more than the next one bears
+    /// out: another of that place, or one of a neighbour.
+    pub(super) fn borne_out(&self, shoulders: &[&Shoulder], taps: &[Taps]) -> Vec<Taps> {
+        shoulders.iter().zip(taps).map(|(shoulder, taps)| self.borne_out_on(shoulder, taps.clone())).collect()
+    }
+
+    fn borne_out_on(&self, shoulder: &Shoulder, mut taps: Taps) -> Taps {
         let stands_out = |scores: &Vector| self.tap_scatter.evidence_above(TAP_EVIDENCE_MAX, scores).unwrap_or(0.0);
         let evidence: Vec<Vec<f64>> = taps.iter().map(|turn| turn.iter().map(stands_out).collect()).collect();
         for place in 0..shoulder.place_count() {
@@ -70,14 +74,12 @@ impl Fused {
         taps
     }
 
-    /// The means of the taps of each place at each offset, of which none stands out alone, by shoulder.
-    pub(super) fn tap_means(&self, shoulders: &[&Shoulder], taps: Vec<Taps>) -> Vec<TapMeans> {
-        let means = |(shoulder, taps): (&&Shoulder, Taps)| self.means(shoulder, &self.borne_out(shoulder, taps));
-        shoulders.iter().zip(taps).map(means).collect()
+    /// The means of the `taps` of each place at each offset, by shoulder.
+    pub(super) fn means(&self, shoulders: &[&Shoulder], taps: &[Taps]) -> Vec<TapMeans> {
+        shoulders.iter().zip(taps).map(|(shoulder, taps)| self.means_on(shoulder, taps)).collect()
     }
 
-    /// The means of the `taps` of each place at each offset.
-    pub(super) fn means(&self, shoulder: &Shoulder, taps: &Taps) -> TapMeans {
+    fn means_on(&self, shoulder: &Shoulder, taps: &Taps) -> TapMeans {
         let mut sums = vec![vec![Sum::default(); shoulder.place_count()]; self.setup.offset_count];
         for (turn, scores) in shoulder.turns.iter().zip(taps) {
             let sums = &mut sums[self.setup.offset_of[turn.condition]];
