@@ -31,8 +31,8 @@ pub enum Error {
     },
     /// No reference is named.
     #[error(
-        "no reference is named: give the .json file of one, \"TYRE/SHOULDER\" of this run, or \"self\" to compare each tyre \
-         with itself (damage all round does not show then)"
+        "no reference is named (--reference, or reference in [fuse]): give the .json file of one, \"TYRE/SHOULDER\" of this run, \
+         or \"self\" to compare each tyre with itself (damage all round does not show then)"
     )]
     ReferenceNotNamed,
     /// The reference is in a file that was not read.

@@ -77,6 +77,8 @@ fn files_that_are_no_archive() {
     assert!(matches!(open("empty.h5"), Error::NotHdf5 { .. }));
     assert!(matches!(open("text.h5"), Error::NotHdf5 { .. }));
     assert!(matches!(open("other.h5"), Error::NotAnArchive { .. }));
+    let waited_for = Reader::open(place("other.h5")).unwrap_err();
+    assert!(matches!(waited_for, Error::NotAnArchive { .. }), "of another program: {waited_for}");
 }
 
 /// Catches a panic on, or trust in, a file that was cut anywhere.

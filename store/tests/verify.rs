@@ -108,9 +108,16 @@ fn what_is_damaged_is_not_opened() {
             let reader = opened.unwrap();
             assert!((0..10).any(|row| reader.tap(row).is_err()), "byte {at}");
         } else {
+            let Err(error) = opened else { panic!("{at} is opened") };
             assert!(
-                matches!(opened, Err(Error::Damaged { .. } | Error::NotHdf5 { .. } | Error::NotFinished { .. })),
-                "{at}"
+                matches!(
+                    error,
+                    Error::Damaged { .. }
+                        | Error::NotHdf5 { .. }
+                        | Error::NotAnArchive { .. }
+                        | Error::NotFinished { .. }
+                ),
+                "{at}: {error}"
             );
         }
         assert!(verify(&bent).map_or(true, |report| !report.is_complete()), "byte {at}");
