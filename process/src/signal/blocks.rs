@@ -279,7 +279,8 @@ mod tests {
         assert!((blocks.noise(0, 100).unwrap() - 0.5).abs() < 1e-2);
         assert_eq!((blocks.noise(3, 3), blocks.noise(99, 101)), (None, None));
         blocks.fill(&mut signal, 2000.0, |_, _| ());
-        assert!(blocks.means().is_empty() && blocks.peaks().is_empty() && blocks.noise(0, 1).is_none());
+        assert!(blocks.means().is_empty() && blocks.peaks().is_empty());
+        assert_eq!((blocks.noise(0, 1), blocks.noise_beside(0, 1, 0.0, 0.0)), (None, None));
     }
 
     /// Catches a sample left out of a sum or counted twice, wherever the sum begins, and sums that depend on the length

@@ -65,13 +65,13 @@ impl Index for Fused {
         let taps = self.taps(casing, &self.levels(casing));
         let (uncut, means) = (self.means(casing, &taps), self.means(casing, &self.borne_out(casing, &taps)));
         let inliers = self.inliers(casing, &means);
-        let of = |((((shoulder, taps), uncut), means), is_inlier): ((((&&Shoulder, _), _), _), _)| Scores {
-            by_offset: self.by_offset(means),
-            uncut: self.by_offset(uncut),
-            by_discriminator: self.by_discriminator(shoulder, taps),
+        let of = |(number, is_inlier): (usize, Vec<bool>)| Scores {
+            by_offset: self.by_offset(&means[number]),
+            uncut: self.by_offset(&uncut[number]),
+            by_discriminator: self.by_discriminator(casing[number], &taps[number]),
             is_inlier,
         };
-        casing.iter().zip(&taps).zip(&uncut).zip(&means).zip(inliers).map(of).collect()
+        inliers.into_iter().enumerate().map(of).collect()
     }
 
     fn sigma(&self, condition: usize, d: usize) -> Option<f64> {
