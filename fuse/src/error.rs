@@ -9,16 +9,16 @@ use tapline_wire::{Serial, TapId};
 #[non_exhaustive]
 pub enum Error {
     /// No discriminator is to enter the index.
-    #[error("discriminators is empty; the index needs at least one")]
+    #[error("fuse.discriminators is empty: the index needs at least one")]
     NoDiscriminators,
     /// A discriminator is listed twice.
-    #[error("discriminators lists {name:?} twice; each counts once")]
+    #[error("fuse.discriminators lists {name:?} twice: each counts once")]
     TwiceListed {
         /// Its name.
         name: &'static str,
     },
     /// A number of the configuration lies outside its bounds.
-    #[error("{name} is {value}; it must lie in {low} to {high}")]
+    #[error("fuse.{name} = {value}: must be from {low} to {high}")]
     OutOfRange {
         /// Which key.
         name: &'static str,

@@ -13,8 +13,9 @@ const PRIOR_COUNT: f64 = 8.0;
 /// rings is given. Found on sound casings of two simulators, smooth and rough: 0.49 to 0.38 standard deviations.
 const ESTIMATED_SPREAD: f64 = 1.3;
 
-/// Degrees of freedom of a shoulder that is its own reference.
-const OWN_DOF: f64 = 20.0;
+/// 1 over the degrees of freedom of a casing by itself, however many places tell its scatter: sound places have longer tails than noise.
+/// Found with the 2 below on casings of two simulators, 20 to 100 places a shoulder (`docs/rates.md`).
+const OWN_TAILS: f64 = 0.03;
 
 /// Largest limit of one.
 const OWN_MAX: f64 = 1e3;
@@ -37,6 +38,8 @@ pub(crate) enum Limits {
         width: f64,
         /// As many independent arcs have the same median of their strongest as such a ring has.
         count: f64,
+        /// Degrees of freedom of the scatter.
+        dof: f64,
     },
 }
 
@@ -47,7 +50,8 @@ impl Limits {
         if found.len() < 2 {
             let width = white.width as f64;
             let tail = chi_squared_tail(white.median.powi(2), width);
-            return Self::Own { width, count: 0.5_f64.ln() / (-tail).ln_1p() };
+            let dof = 1.0 / (OWN_TAILS + 2.0 / white.value_count as f64);
+            return Self::Own { width, count: 0.5_f64.ln() / (-tail).ln_1p(), dof };
         }
         let mean = found.iter().sum::<f64>() / m;
         let squares: f64 = found.iter().map(|x| (x - mean).powi(2)).sum();
@@ -90,8 +94,8 @@ impl Limits {
                 (0.5 * (low + high)).exp()
             }
             Self::Own { .. } if value.is_nan() || value <= 0.0 => 1.0,
-            Self::Own { width, count } => {
-                let tail = f_tail(value.powi(2) / width, width, OWN_DOF);
+            Self::Own { width, count, dof } => {
+                let tail = f_tail(value.powi(2) / width, width, dof);
                 -((-tail).ln_1p() * count).exp_m1()
             }
         }
@@ -118,7 +122,7 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut arc = || 3.0 - 0.5 * (-rng.random_range(1e-12..1.0_f64).ln()).ln();
         let sd = 0.5 * std::f64::consts::PI / 6.0_f64.sqrt() / ESTIMATED_SPREAD;
-        let white = White { median: 3.2, sd, width: 1 };
+        let white = White { median: 3.2, sd, width: 1, value_count: 100 };
         for (rate, count) in [(0.1, 4000), (0.02, 20_000)] {
             let mut exceeded = 0;
             for _ in 0..count {
@@ -133,7 +137,7 @@ mod tests {
     #[test]
     fn a_probability_is_the_rate_of_its_limit() {
         // Catches a limit and a probability of two distributions, and one that rises with the value.
-        let white = White { median: 3.0, sd: 0.5, width: 6 };
+        let white = White { median: 3.0, sd: 0.5, width: 6, value_count: 100 };
         for limits in [Limits::by(&[2.5, 3.0, 3.5, 2.8, 3.1], 5, white), Limits::by(&[], 0, white)] {
             for rate in [0.2, 0.02, 1e-3, 1e-6] {
                 let back = limits.probability(limits.at(rate));
@@ -141,6 +145,15 @@ mod tests {
             }
             assert!(limits.at(1e-3) > limits.at(0.02) && limits.probability(1.0) > limits.probability(4.0));
         }
+    }
+
+    #[test]
+    fn fewer_places_raise_the_limits_of_a_casing_by_itself() {
+        // Catches a casing of a handful of places that is rejected for what they do not tell: the limit follows the number of values.
+        let limit = |value_count| Limits::by(&[], 0, White { median: 3.6, sd: 0.4, width: 6, value_count }).at(1e-3);
+        let limits: Vec<f64> = [1000, 100, 50, 20, 10].into_iter().map(limit).collect();
+        assert!(limits.is_sorted(), "{limits:?}");
+        assert!(limits[3] > 1.5 * limits[1] && limits[1] < 1.2 * limits[0], "{limits:?}");
     }
 
     #[test]

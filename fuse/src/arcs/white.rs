@@ -19,12 +19,19 @@ pub(crate) struct White {
     pub sd: f64,
     /// How many discriminators they are the evidence of.
     pub width: usize,
+    /// How many values of each told the scatter that they are drawn with.
+    pub value_count: usize,
 }
 
-/// The strongest arc of rings of noise that have values where `pattern` has.
+/// The strongest arc of rings of noise that have values where `pattern` has; `value_count` values told how they scatter.
 ///
 /// The same for the same pattern: the seed is fixed.
-pub(crate) fn strongest_arcs(statistic: &ArcStatistic, ring: &Ring, pattern: &Scores) -> Option<White> {
+pub(crate) fn strongest_arcs(
+    statistic: &ArcStatistic,
+    ring: &Ring,
+    pattern: &Scores,
+    value_count: usize,
+) -> Option<White> {
     let statistic = statistic.of_white();
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     // What the offsets have in common, so that they are as correlated as those of the reference.
@@ -54,7 +61,7 @@ pub(crate) fn strongest_arcs(statistic: &ArcStatistic, ring: &Ring, pattern: &Sc
         }
     }
     let width = place_scatter.used().count();
-    Some(White { sd: mean_and_sd(&found)?.1, median: median(&mut found)?, width })
+    Some(White { sd: mean_and_sd(&found)?.1, median: median(&mut found)?, width, value_count })
 }
 
 /// The evidence of the strongest arc if it is above `least`, as [`ArcStatistic::strongest`] finds it of a statistic of noise. That is

@@ -13,7 +13,7 @@ use std::fmt::Debug;
 use tapline_wire::{Direction, Discriminator};
 
 use crate::IndexKind;
-use crate::evidence::{ABSENT, Vector};
+use crate::evidence::{ABSENT, Vector, has_value};
 use crate::shoulder::Shoulder;
 
 /// What an index is to be fitted for.
@@ -52,6 +52,12 @@ impl Scores {
         for of_offset in &mut self.by_offset {
             of_offset.iter_mut().zip(kept).filter(|(_, kept)| !**kept).for_each(|(score, _)| *score = ABSENT);
         }
+    }
+
+    /// How many places have a score at any offset.
+    pub(crate) fn places_shown(&self) -> usize {
+        let count = self.by_offset.first().map_or(0, Vec::len);
+        (0..count).filter(|&place| self.by_offset.iter().any(|of_offset| has_value(&of_offset[place]))).count()
     }
 }
 

@@ -11,6 +11,10 @@ use crate::shoulder::Shoulder;
 use crate::verdict::supported::supported_rate;
 use crate::verdict::whole_shoulder::Levels;
 
+/// Fewest values that tell how sound places scatter: by fewer, limits that pass sound shoulders pass strong cracks too
+/// (`docs/rates.md`).
+const VALUES_MIN: usize = 8;
+
 /// A reference as it judges shoulders of one plan.
 #[derive(Debug)]
 pub(crate) struct FittedReference {
@@ -30,7 +34,8 @@ pub(crate) struct FittedReference {
 
 impl FittedReference {
     /// What `shoulders` teach, those of a casing one after the other; `offsets` are the numbers of the offsets from the belt
-    /// edge inwards. `None` where nothing of them varies.
+    /// edge inwards. `None` where nothing of them varies, or too few places tell
+    /// how they do.
     pub(crate) fn fit(setup: Setup, offsets: &[usize], shoulders: &[Shoulder]) -> Option<Self> {
         let all: Vec<&Shoulder> = shoulders.iter().collect();
         let (index, statistic, scores) = learn(&setup, offsets, &all)?;
@@ -44,7 +49,13 @@ impl FittedReference {
         let shown = |scores: &Scores| scores.by_offset.iter().flatten().filter(|scores| has_value(scores)).count();
         let rings = shoulders.iter().map(|shoulder| &shoulder.ring).zip(&scores);
         let (ring, pattern) = rings.rev().max_by_key(|(_, scores)| shown(scores))?;
-        let white = white::strongest_arcs(&statistic, ring, pattern)?;
+        let place_count: usize = scores.iter().map(Scores::places_shown).sum();
+        // Of a casing by itself what lies below the median tells the scatter: half of the places.
+        let value_count = if setup.is_own { place_count / 2 } else { place_count };
+        if value_count < VALUES_MIN {
+            return None;
+        }
+        let white = white::strongest_arcs(&statistic, ring, pattern, value_count)?;
         let values: Vec<f64> = strongest.iter().map(|(_, value)| *value).collect();
         let limits = Limits::by(&values, casing_count, white);
         let levels = if setup.is_own { None } else { Levels::fit(&setup, &all) };

@@ -125,7 +125,7 @@ fn a_sound_casing_wants_seldom_more() {
     let casing = scanned_once(Vec::new());
     let plan = casing.plan();
     let asked = (0..40).filter(|&seed| !wanted(&plan, &records(&casing, &plan, seed)).is_empty()).count();
-    assert!((1..=20).contains(&asked), "{asked} of 40");
+    assert!(asked <= 20, "{asked} of 40");
 }
 
 /// A casing of which a third is cracked, with its second reading: its plan, and its records.
