@@ -43,7 +43,7 @@ fn main() -> ExitCode {
     match begin(&cli.verb).and_then(|()| dispatch(&cli.verb)) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(INCOMPLETE),
-        Err(_) if tapline_host::stdout::fault() == Some(ErrorKind::BrokenPipe) && only_prints(&cli.verb) => {
+        Err(_) if tapline_host::stdout::fault() == Some(ErrorKind::BrokenPipe) && is_done_unread(&cli.verb) => {
             ExitCode::SUCCESS
         }
         Err(error) => {
@@ -68,14 +68,14 @@ fn draws(verb: &Verb) -> bool {
     false
 }
 
-/// Whether what `verb` prints is all that it does: then a reader that ends early, like `head`, is no failure. `verify` also
-/// checks, and its exit code must not speak of what it did not come to.
-fn only_prints(verb: &Verb) -> bool {
+/// Whether `verb` is done although nobody reads what it prints, as `head` does not: where that is all it does. `verify` also checks, and
+/// its exit code must not speak of what it did not come to. A stage reports to its line, which was killed then.
+fn is_done_unread(verb: &Verb) -> bool {
     match verb {
         #[cfg(feature = "alsa")]
         Verb::Devices { .. } => true,
         Verb::Export(args) => args.out.is_none(),
-        Verb::Status(_) | Verb::Config(_) | Verb::Completions { .. } => true,
+        Verb::Status(_) | Verb::Config(_) | Verb::Completions { .. } | Verb::Stage(_) => true,
         Verb::Explain { .. } | Verb::Diff { .. } | Verb::Model(_) => true,
         _ => false,
     }

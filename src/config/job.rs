@@ -48,7 +48,10 @@ impl Job {
             config.scan.stations = stations;
             config_toml = with_value(&config_toml, "scan", "stations", i64::from(stations).into())?;
         }
-        config.validate()?;
+        match &args.config {
+            Some(path) => config.validate().with_context(|| path.display().to_string())?,
+            None => config.validate()?,
+        }
         if args.stations == Some(0) {
             bail!("--stations is 0; at least one is needed");
         }
@@ -81,8 +84,6 @@ impl Job {
         };
         let job = Self::resolve(&source)?;
         validate_stations(&job.config.station)?;
-        job.config.simulation.validate()?;
-        job.config.capture.validate()?;
         if let Some(Reference::Shoulder { tyre, shoulder }) = &job.config.fuse.reference {
             bail!(
                 "the reference is {tyre}/{shoulder}, and a shoulder named so is one of the same casing, which no casing of a \

@@ -12,7 +12,7 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result, ensure};
 use serde::{Deserialize, Serialize};
-use tapline_acquire::{AcquireConfig, CaptureConfig, ScanConfig, StationConfig, StationSource};
+use tapline_acquire::{AcquireConfig, CaptureConfig, ScanConfig, StationConfig, StationSource, validate_stations};
 use tapline_fuse::FuseConfig;
 use tapline_model::SimulationConfig;
 use tapline_process::ProcessConfig;
@@ -123,6 +123,14 @@ impl Config {
     /// # Errors
     /// Names the first key that is out of them.
     pub(crate) fn validate(&self) -> Result<()> {
+        // A line gives its stations their numbers; a run has as many as are asked for.
+        let scan = if self.station.is_empty() { &self.scan } else { &self.scan.for_line() };
+        scan.validate()?;
+        self.simulation.validate().context("[simulation]")?;
+        self.capture.validate()?;
+        if !self.station.is_empty() {
+            validate_stations(&self.station)?;
+        }
         self.acquire.validate()?;
         self.process.validate()?;
         self.fuse.validate()?;

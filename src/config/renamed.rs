@@ -50,8 +50,28 @@ const RENAMED: [Renamed; 16] = [
 pub(super) fn parse<T: DeserializeOwned>(text: &str) -> Result<T> {
     toml::from_str(text).map_err(|error| {
         let hints = hints(text, &RENAMED);
-        if hints.is_empty() { error.into() } else { Error::from(error).context(hints.join("; ")) }
+        let error = Error::msg(in_words(&error.to_string()));
+        if hints.is_empty() { error } else { error.context(hints.join("; ")) }
     })
+}
+
+/// What people call the types of numbers that an error says it expected.
+const TYPES: [(&str, &str); 7] = [
+    ("u8", "a whole number from 0 to 255"),
+    ("u16", "a whole number from 0 to 65535"),
+    ("u32", "a whole number from 0 to 4294967295"),
+    ("u64", "a whole number, not below 0"),
+    ("usize", "a whole number, not below 0"),
+    ("i64", "a whole number"),
+    ("f64", "a number"),
+];
+
+/// `error` with the types of numbers in words.
+fn in_words(error: &str) -> String {
+    let of = |(name, words): &(&str, &str)| {
+        Some(format!("{}expected {words}", error.trim_end().strip_suffix(&format!("expected {name}"))?))
+    };
+    TYPES.iter().find_map(of).unwrap_or_else(|| error.to_owned())
 }
 
 /// What to write in place of each name of `renamed` that is in `text`.
@@ -105,6 +125,19 @@ mod tests {
         let fault = |key: &str| format!("[[simulation.fault]]\nkind = \"hum\"\n{key} = 0.1\n");
         assert!(parse::<Config>(&fault("fraction")).is_ok());
         assert!(refusal(&fault("share")).contains("simulation.fault.share is now simulation.fault.fraction"));
+    }
+
+    /// Catches a bound that is told as the name of a type.
+    #[test]
+    fn bounds_are_told_in_words() {
+        for (text, words) in [
+            ("[scan]\nstations = 70000", "`70000`, expected a whole number from 0 to 65535"),
+            ("[scan]\nlocations = -1", "`-1`, expected a whole number from 0 to 4294967295"),
+            ("[process]\nworkers = -1", "`-1`, expected a whole number, not below 0"),
+            ("[process]\nf_c_hz = \"x\"", "\"x\", expected a number"),
+        ] {
+            assert!(refusal(text).ends_with(words), "{}", refusal(text));
+        }
     }
 
     /// Catches a slip in a key, an index or a discriminator without the name that was meant, and a hint that leads astray.

@@ -264,7 +264,9 @@ fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
         ]);
     }
     break_last_column(&mut table);
-    writeln!(out, "{table}")?;
+    if !summary.verdicts.is_empty() {
+        writeln!(out, "{table}")?;
+    }
     if let Some(auc) = &summary.auc {
         let text = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.4}"));
         let alone: Vec<String> = auc.discriminators.iter().map(|(name, v)| format!("{name} {}", text(*v))).collect();

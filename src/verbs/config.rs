@@ -4,7 +4,6 @@ use std::fs;
 use std::io::Write as _;
 
 use anyhow::{Context as _, Result};
-use tapline_acquire::validate_stations;
 use tapline_fuse::Reference;
 
 use crate::cli::ConfigArgs;
@@ -21,14 +20,7 @@ pub(crate) fn config(args: &ConfigArgs) -> Result<bool> {
         return Ok(true);
     };
     let (config, _) = Config::read(path)?;
-    config.validate()?;
-    // What a run and a line look at where they need it.
-    config.scan.for_line().validate()?;
-    config.simulation.validate()?;
-    config.capture.validate()?;
-    if !config.station.is_empty() {
-        validate_stations(&config.station)?;
-    }
+    config.validate().with_context(|| path.display().to_string())?;
     if let Some(Reference::File(path)) = &config.fuse.reference {
         fs::File::open(path).with_context(|| format!("cannot read the reference {}", path.display()))?;
     }
@@ -94,7 +86,6 @@ mod tests {
         let whole = whole();
         let config = Config::parse(&whole).unwrap_or_else(|error| panic!("{error:#}"));
         config.validate().unwrap();
-        validate_stations(&config.station).unwrap();
         let shown = keys_of(&whole);
         let tables: BTreeSet<&str> = shown.iter().filter_map(|key| Some(key.rsplit_once('.')?.0)).collect();
         assert!(tables.len() > 15, "{tables:?}");

@@ -216,7 +216,10 @@ impl fmt::Display for Explanation {
         writeln!(f, "plan       {}", self.plan_digest)?;
         match &self.reference_digest {
             Some(digest) => writeln!(f, "reference  a file, BLAKE3 {digest}")?,
-            None => writeln!(f, "reference  no file; fuse.reference names it")?,
+            None => {
+                let named = self.options.iter().find(|option| option.key == "fuse.reference");
+                writeln!(f, "reference  {}, in no file", named.map_or("none", |option| &option.value))?;
+            }
         }
         match self.other_sources.is_empty() {
             true => writeln!(f, "made by    this program's own sources")?,

@@ -47,16 +47,50 @@ pub(crate) fn reprocess(args: &ReprocessArgs) -> Result<bool> {
         jobs => jobs,
     };
     ensure!(jobs <= JOBS_MAX, "--jobs is {jobs}; at most {JOBS_MAX} threads are started");
+    let asked = Asked::new(args)?;
     let archives = Archives::find(&args.archives, Which::Casings)?;
     let mut outcome = Outcome::new(&archives);
     for file in &archives.files {
-        let done = again(&file.path, args, jobs).with_context(|| format!("cannot judge {} again", file.path.display()));
+        let done = again(&file.path, &asked, args.from_samples, jobs)
+            .with_context(|| format!("cannot judge {} again", file.path.display()));
         if let Some(results) = outcome.take(file, done)? {
             print(args, &file.path, &results)?;
             outcome.note(results.is_complete);
         }
     }
     outcome.end()
+}
+
+/// What is asked for of every archive.
+struct Asked {
+    config: Option<Config>,
+    reference: Option<Reference>,
+    /// Of `reference` the text, where it is a file.
+    text: Option<String>,
+}
+
+impl Asked {
+    fn new(args: &ReprocessArgs) -> Result<Self> {
+        let read = |path: &PathBuf| {
+            let config = Config::read(path)?.0;
+            config.validate().with_context(|| path.display().to_string()).map(|()| config)
+        };
+        let config = args.config.as_ref().map(read).transpose()?;
+        let reference = args.reference.clone().map(Reference::try_from).transpose().context("--reference")?;
+        let text = match &reference {
+            Some(Reference::File(path)) => Some(read_reference(path)?),
+            _ => None,
+        };
+        Ok(Self { config, reference, text })
+    }
+}
+
+/// The text of the reference at `path`, if it is one.
+fn read_reference(path: &Path) -> Result<String> {
+    let text =
+        std::fs::read_to_string(path).with_context(|| format!("cannot read the reference {}", path.display()))?;
+    ReferenceSet::parse(&text).with_context(|| format!("cannot use the reference {}", path.display()))?;
+    Ok(text)
 }
 
 /// What is to be done with one archive.
@@ -69,35 +103,28 @@ struct Task {
 }
 
 impl Task {
-    fn new(archive: &Path, args: &ReprocessArgs) -> Result<Self> {
+    fn new(archive: &Path, asked: &Asked) -> Result<Self> {
         let reader = Reader::open(archive)?;
         ensure!(!reader.is_results(), "it has results alone: name the archive that they are of");
         let old = Config::parse(reader.config()).context("its configuration is not one of this program")?;
         let was = old.fuse.reference.clone();
-        let mut config = match &args.config {
+        let mut config = match &asked.config {
             None => old,
-            Some(path) => {
-                let (new, _) = Config::read(path)?;
+            Some(new) => {
                 // How taps were taken is past; only how they are read and judged can be new. Where nothing else is given they
                 // are compared with what they were compared with.
-                let reference = new.fuse.reference.or(old.fuse.reference);
-                Config { process: new.process, fuse: FuseConfig { reference, ..new.fuse }, ..old }
+                let reference = new.fuse.reference.clone().or(old.fuse.reference);
+                Config { process: new.process, fuse: FuseConfig { reference, ..new.fuse.clone() }, ..old }
             }
         };
-        if let Some(text) = &args.reference {
-            config.fuse.reference = Some(Reference::try_from(text.clone()).context("--reference")?);
+        if asked.reference.is_some() {
+            config.fuse.reference.clone_from(&asked.reference);
         }
-        config.process.validate()?;
-        config.fuse.validate()?;
         let reference = match (&config.fuse.reference, reader.reference()) {
+            (Some(_), _) if asked.reference.is_some() => asked.text.clone(),
             // Its own reference lies in the archive, wherever the file is today.
-            (Some(Reference::File(_)), Some(text)) if config.fuse.reference == was && args.reference.is_none() => {
-                Some(text.to_owned())
-            }
-            (Some(Reference::File(path)), _) => Some(
-                std::fs::read_to_string(path)
-                    .with_context(|| format!("cannot read the reference {}", path.display()))?,
-            ),
+            (Some(Reference::File(_)), Some(text)) if config.fuse.reference == was => Some(text.to_owned()),
+            (Some(Reference::File(path)), _) => Some(read_reference(path)?),
             (Some(_), _) => None,
             (None, _) => {
                 bail!("no reference is named: give --reference FILE.json, TYRE/SHOULDER, or self, as for tapline run")
@@ -126,8 +153,8 @@ struct Results {
     is_complete: bool,
 }
 
-fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<Results> {
-    let task = Task::new(archive, args)?;
+fn again(archive: &Path, asked: &Asked, from_samples: bool, jobs: usize) -> Result<Results> {
+    let task = Task::new(archive, asked)?;
     let raw_digest = task.reader.raw_digest()?;
     let key = lineage_key(&raw_digest, &task.made_by, task.reference.as_deref());
     let out = results_path(archive, &key);
@@ -158,7 +185,7 @@ fn again(archive: &Path, args: &ReprocessArgs, jobs: usize) -> Result<Results> {
     };
     let begin = Instant::now();
     let settled_before = settled(&writer);
-    let is_old = of_discriminators(task.reader.made_by()) == of_discriminators(&task.made_by) && !args.from_samples;
+    let is_old = of_discriminators(task.reader.made_by()) == of_discriminators(&task.made_by) && !from_samples;
     let how = if is_old { "from its discriminators" } else { "from its samples" };
     let mut progress = Progress::new(Some(plan.taps().len() as u64), Unit::Things("taps"));
     progress.print(&format!("judging {} again {how}, into {}", archive.display(), out.display()));

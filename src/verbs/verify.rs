@@ -53,7 +53,7 @@ fn sum_up(archives: &Archives, hurt: usize, as_json: bool) -> Result<()> {
         writeln!(out, "{}: NOT FINISHED", path.display())?;
     }
     let archives = counted(count, "archive", "archives");
-    writeln!(out, "{archives}: {} complete, {hurt} INCOMPLETE; {} not finished", count - hurt, unfinished.len())?;
+    writeln!(out, "{archives}: {} complete, {hurt} not; {} not finished", count - hurt, unfinished.len())?;
     Ok(())
 }
 
@@ -65,7 +65,7 @@ fn report_unreadable(archive: &Path, why: &str, as_json: bool, is_of_many: bool)
             let text = json!({ "archive": archive.display().to_string(), "problems": [why], "is_complete": false });
             print_json(&mut out, &text, is_of_many)?;
         }
-        false => writeln!(out, "{why}\n{}: INCOMPLETE", archive.display())?,
+        false => writeln!(out, "{why}\n{}: UNREADABLE", archive.display())?,
     }
     Ok(false)
 }
@@ -123,15 +123,16 @@ fn print(
         writeln!(out, "{problem}")?;
     }
     let judged = if report.is_judged() { "all scans judged" } else { "scans without verdict" };
-    let state = match is_complete {
-        true => Colour::Good.on_stdout("complete"),
-        false => Colour::Bad.on_stdout("INCOMPLETE"),
+    let state = match (is_complete, report.problems.is_empty()) {
+        (true, _) => Colour::Good.on_stdout("complete"),
+        (false, true) => Colour::Bad.on_stdout("INCOMPLETE"),
+        (false, false) => Colour::Bad.on_stdout("DAMAGED"),
     };
     writeln!(
         out,
-        "{}: {state}: {archived} archived, {refused} refused, {missing} missing; {judged}; {} problems",
+        "{}: {state}: {archived} archived, {refused} refused, {missing} missing; {judged}; {}",
         archive.display(),
-        report.problems.len()
+        counted(report.problems.len(), "problem", "problems")
     )?;
     Ok(is_complete)
 }

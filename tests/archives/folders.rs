@@ -99,7 +99,9 @@ fn a_damaged_file_among_many_is_named_and_the_others_are_done() {
         done
     };
     assert_eq!(csv_rows(&with_one_damaged("export out verdicts").out).len(), 4);
-    assert!(with_one_damaged("verify out").out.ends_with("3 archives: 2 complete, 1 INCOMPLETE; 0 not finished\n"));
+    let verified = with_one_damaged("verify out").out;
+    assert!(verified.contains("out/SIM-0002.h5: UNREADABLE\n"), "{verified}");
+    assert!(verified.ends_with("3 archives: 2 complete, 1 not; 0 not finished\n"));
     let last = with_one_damaged("verify out --json").out.lines().last().unwrap().to_owned();
     assert!(last.contains("\"complete\":2") && last.contains("\"is_complete\":false"), "{last}");
     with_one_damaged("report out --out pages");
@@ -112,6 +114,11 @@ fn a_damaged_file_among_many_is_named_and_the_others_are_done() {
     let results = with_one_damaged("reprocess out --from-samples").out;
     assert_eq!(results.lines().count(), 2, "{results}");
     with_one_damaged("diff out packed");
+    // What is wrong with an option is said once, not of each file.
+    for (reference, wrong) in [("none.json", "cannot read the reference none.json"), ("a/b", "--reference")] {
+        let done = sandbox.run(&format!("reprocess out --reference {reference}")).expect(1);
+        assert!(done.err.contains(wrong) && done.err.lines().count() == 1, "{}", done.err);
+    }
     // The verb fails if it is the only file.
     sandbox.run("export out/SIM-0002.h5 verdicts").expect(1);
 }

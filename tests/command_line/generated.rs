@@ -62,8 +62,10 @@ fn the_example_of_a_configuration_is_one() {
         ("[capture]\nbits = 20\n", "capture.bits is 20"),
     ] {
         sandbox.write("wrong.toml", wrong);
-        let done = sandbox.run("config --check wrong.toml").expect(1);
-        assert!(done.err.contains(named), "{}", done.err);
+        for verb in ["config --check wrong.toml", "run --config wrong.toml --out none"] {
+            let done = sandbox.run(verb).expect(1);
+            assert!(done.err.contains(named) && done.err.lines().count() == 1, "{verb}: {}", done.err);
+        }
     }
     sandbox.run("config").expect(2);
 }

@@ -335,13 +335,14 @@ fn a_killed_line_is_resumed() {
     let mut line = start(&sandbox);
     let stages: Vec<i32> = ["store", "fuse", "process", "acquire-0"].map(|words| stage(&line, words)).into();
     line.kill().unwrap();
-    line.wait().unwrap();
     let deadline = Instant::now() + Duration::from_secs(20);
     let is_alive = |pid: &i32| std::fs::read_to_string(format!("/proc/{pid}/stat")).is_ok_and(|s| !s.contains(") Z "));
     while stages.iter().any(is_alive) {
         assert!(Instant::now() < deadline, "a stage outlives its line");
         std::thread::sleep(Duration::from_millis(20));
     }
+    let said = line.wait_with_output().unwrap().stderr;
+    assert!(!String::from_utf8_lossy(&said).contains("standard output"), "a stage complains that its line is gone");
     sandbox.run("run --config paced.toml --out paced").expect(0);
     assert_whole(&sandbox, "paced", &expected);
 }

@@ -50,7 +50,7 @@ pub(crate) fn line_at(text: &str, at: usize) -> usize {
 
 /// The error that `file` is missing.
 pub(crate) fn missing(file: &Path) -> Error {
-    let source = std::io::Error::from(std::io::ErrorKind::NotFound);
+    let source = std::io::Error::new(std::io::ErrorKind::NotFound, "there is no such file");
     Error::Unreadable { file: file.to_owned(), source }
 }
 
