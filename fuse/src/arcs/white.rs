@@ -9,8 +9,9 @@ use crate::index::Scores;
 use crate::shoulder::ring::Ring;
 use crate::stats::{mean_and_sd, median};
 
-/// How many rings are drawn: the standard deviation of their strongest arcs is known to 5 %.
-const RING_COUNT: usize = 200;
+/// How many rings are drawn; as many opposite ones are made of them. By those the limits of a casing by itself are known to 1 % with one
+/// offset and to 1.5 % with four, against 6000 rings; as well as by 200 drawn ones.
+const RING_COUNT: usize = 64;
 
 /// How the strongest arcs of rings of noise are distributed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,12 +38,12 @@ pub(crate) fn strongest_arcs(
     // What the offsets have in common, so that they are as correlated as those of the reference.
     let common = statistic.correlation().clamp(0.0, 1.0);
     let mut drawn = pattern.clone();
-    let mut found: Vec<f64> = Vec::with_capacity(RING_COUNT);
+    let mut found: Vec<f64> = Vec::with_capacity(2 * RING_COUNT);
     let mut weakest = f64::INFINITY;
     let place_scatter = statistic.of_places().next()?;
     for _ in 0..RING_COUNT {
         for place in 0..ring.len() {
-            let shared = place_scatter.draw(&mut rng);
+            let shared = if common > 0.0 { place_scatter.draw(&mut rng) } else { Vector::default() };
             for (drawn, pattern) in drawn.by_offset.iter_mut().zip(&pattern.by_offset) {
                 if has_value(&pattern[place]) {
                     let own = place_scatter.draw(&mut rng);
@@ -55,7 +56,11 @@ pub(crate) fn strongest_arcs(
         let maps = statistic.maps(&drawn.by_offset);
         let above = |least: f64| strongest_above(least, &statistic, ring, &maps);
         // Few rings show less than all that came before: most arcs are passed over from the first one on.
-        if let Some(value) = above(weakest).or_else(|| above(f64::NEG_INFINITY)) {
+        let mut strongest = above(weakest);
+        if strongest.contains(&None) {
+            strongest = above(f64::NEG_INFINITY);
+        }
+        for value in strongest.into_iter().flatten() {
             weakest = if value < weakest { value } else { weakest };
             found.push(value);
         }
@@ -64,11 +69,11 @@ pub(crate) fn strongest_arcs(
     Some(White { sd: mean_and_sd(&found)?.1, median: median(&mut found)?, width, value_count })
 }
 
-/// The evidence of the strongest arc if it is above `least`, as [`ArcStatistic::strongest`] finds it of a statistic of noise. That is
-/// much faster, as arcs of every length scatter alike: the length of a sum of whitened scores tells what an arc shows at most, and
-/// few arcs are looked at.
-fn strongest_above(least: f64, statistic: &ArcStatistic, ring: &Ring, maps: &Maps) -> Option<f64> {
-    let mut most = least;
+/// The evidence of the strongest arc of a ring, and of its opposite, if it is above `least`, as [`ArcStatistic::strongest`] finds it of a
+/// statistic of noise. That is much faster, as arcs of every length scatter alike: the length of a sum of whitened scores tells what an
+/// arc, and the opposite one, show at most, and few arcs are looked at.
+fn strongest_above(least: f64, statistic: &ArcStatistic, ring: &Ring, maps: &Maps) -> [Option<f64>; 2] {
+    let mut most = [least; 2];
     for (scatter, map) in statistic.of_places().zip(maps) {
         let whitened: Vec<Option<Vector>> =
             map.iter().map(|scores| has_value(scores).then(|| scatter.whitened(scores))).collect();
@@ -78,18 +83,22 @@ fn strongest_above(least: f64, statistic: &ArcStatistic, ring: &Ring, maps: &Map
                 let Some(of_place) = &whitened[place] else { continue };
                 sum.iter_mut().zip(of_place).for_each(|(sum, x)| *sum += x);
                 count += 1.0;
-                let limit = if most > 0.0 { most * most * (1.0 - ROUNDING) } else { 0.0 };
+                let lesser = if most[0] < most[1] { most[0] } else { most[1] };
+                let limit = if lesser > 0.0 { lesser * lesser * (1.0 - ROUNDING) } else { 0.0 };
                 // An arc that lacks a discriminator somewhere has no length, and is looked at.
                 if dot(&sum, &sum) < limit * count {
                     continue;
                 }
                 let mut scores = Sum::default();
                 ring.from(start).take(number + 1).for_each(|place| scores.add(&map[place]));
-                most = scatter.evidence_above(most, &scores.over_root()).unwrap_or(most);
+                let scores = scores.over_root();
+                for (most, scores) in most.iter_mut().zip([scores, scores.map(|x| -x)]) {
+                    *most = scatter.evidence_above(*most, &scores).unwrap_or(*most);
+                }
             }
         }
     }
-    (most > least).then_some(most)
+    most.map(|most| (most > least).then_some(most))
 }
 
 #[cfg(test)]
@@ -101,7 +110,7 @@ mod tests {
     use crate::evidence::ABSENT;
 
     proptest! {
-        /// Catches an arc that is passed over although it is the strongest: over the seam, behind a place without a value, and where a
+        /// Catches an arc, or an opposite one, that is passed over although it is the strongest: over the seam, behind a place without a value, and where a
         /// discriminator is absent.
         #[test]
         fn the_strongest_arc_is_that_of_the_statistic(
@@ -119,10 +128,12 @@ mod tests {
             let offsets = (0..values.len()).collect();
             let statistic = ArcStatistic::fit(offsets, &[(&ring, scores.clone())], false).of_white();
             let maps = statistic.maps(&scores.by_offset);
-            let expected = statistic.strongest(&ring, &maps).map(|arc| arc.value);
+            let opposite: Maps = maps.iter().map(|map| map.iter().map(|scores| scores.map(|x| -x)).collect()).collect();
+            let expected = [&maps, &opposite].map(|maps| statistic.strongest(&ring, maps).map(|arc| arc.value));
             prop_assert_eq!(strongest_above(f64::NEG_INFINITY, &statistic, &ring, &maps), expected);
             for least in [0.0, 1.0, 2.0, 3.0, 4.0] {
-                prop_assert_eq!(strongest_above(least, &statistic, &ring, &maps), expected.filter(|value| *value > least));
+                let expected = expected.map(|found| found.filter(|value| *value > least));
+                prop_assert_eq!(strongest_above(least, &statistic, &ring, &maps), expected);
             }
         }
     }
