@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context as _, Result, bail};
-use tapline_acquire::validate_stations;
 use tapline_fuse::{Reference, ReferenceSet};
 
 use crate::cli::line::{LineArgs, SourceArgs};
@@ -39,6 +38,9 @@ enum ReferenceSource {
 impl Job {
     /// Reads the configuration that `args` name and checks it.
     pub(crate) fn resolve(args: &SourceArgs) -> Result<Self> {
+        if args.stations == Some(0) {
+            bail!("--stations is 0; at least one is needed");
+        }
         let (mut config, mut config_toml) = read_config(args.config.as_deref())?;
         if let Some(text) = &args.reference {
             config.fuse.reference = Some(Reference::try_from(text.clone()).context("--reference")?);
@@ -51,9 +53,6 @@ impl Job {
         match &args.config {
             Some(path) => config.validate().with_context(|| path.display().to_string())?,
             None => config.validate()?,
-        }
-        if args.stations == Some(0) {
-            bail!("--stations is 0; at least one is needed");
         }
         let out = match (&args.out, &args.taps) {
             // A folder's name may end in a slash, and is the same run's.
@@ -83,7 +82,6 @@ impl Job {
             stations: None,
         };
         let job = Self::resolve(&source)?;
-        validate_stations(&job.config.station)?;
         if let Some(Reference::Shoulder { tyre, shoulder }) = &job.config.fuse.reference {
             bail!(
                 "the reference is {tyre}/{shoulder}, and a shoulder named so is one of the same casing, which no casing of a \

@@ -123,14 +123,11 @@ impl Config {
     /// # Errors
     /// Names the first key that is out of them.
     pub(crate) fn validate(&self) -> Result<()> {
-        // A line gives its stations their numbers; a run has as many as are asked for.
-        let scan = if self.station.is_empty() { &self.scan } else { &self.scan.for_line() };
-        scan.validate()?;
+        // How many stations there are is said elsewhere too: by `--stations`, or by the tables of a line.
+        self.scan.for_line().validate()?;
         self.simulation.validate().context("[simulation]")?;
         self.capture.validate()?;
-        if !self.station.is_empty() {
-            validate_stations(&self.station)?;
-        }
+        validate_stations(&self.station)?;
         self.acquire.validate()?;
         self.process.validate()?;
         self.fuse.validate()?;

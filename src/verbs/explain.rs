@@ -218,7 +218,11 @@ impl fmt::Display for Explanation {
             Some(digest) => writeln!(f, "reference  a file, BLAKE3 {digest}")?,
             None => {
                 let named = self.options.iter().find(|option| option.key == "fuse.reference");
-                writeln!(f, "reference  {}, in no file", named.map_or("none", |option| &option.value))?;
+                writeln!(
+                    f,
+                    "reference  {}, in no file",
+                    named.map_or("none", |option| option.value.trim_matches('"'))
+                )?;
             }
         }
         match self.other_sources.is_empty() {

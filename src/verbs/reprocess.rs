@@ -73,7 +73,9 @@ impl Asked {
     fn new(args: &ReprocessArgs) -> Result<Self> {
         let read = |path: &PathBuf| {
             let config = Config::read(path)?.0;
-            config.validate().with_context(|| path.display().to_string()).map(|()| config)
+            config.process.validate().with_context(|| path.display().to_string())?;
+            config.fuse.validate().with_context(|| path.display().to_string())?;
+            anyhow::Ok(config)
         };
         let config = args.config.as_ref().map(read).transpose()?;
         let reference = args.reference.clone().map(Reference::try_from).transpose().context("--reference")?;

@@ -67,5 +67,8 @@ fn the_example_of_a_configuration_is_one() {
             assert!(done.err.contains(named) && done.err.lines().count() == 1, "{verb}: {}", done.err);
         }
     }
+    // A tyre of another station than there are as yet: `--stations` may tell.
+    sandbox.write("two.toml", "[[scan.tyre]]\nserial = \"S\"\nstation = 2\n");
+    sandbox.run("config --check two.toml").expect(0);
     sandbox.run("config").expect(2);
 }

@@ -34,8 +34,7 @@ pub(crate) struct FittedReference {
 
 impl FittedReference {
     /// What `shoulders` teach, those of a casing one after the other; `offsets` are the numbers of the offsets from the belt
-    /// edge inwards. `None` where nothing of them varies, or too few places tell
-    /// how they do.
+    /// edge inwards. `None` where nothing of them varies, or too few places tell how they do.
     pub(crate) fn fit(setup: Setup, offsets: &[usize], shoulders: &[Shoulder]) -> Option<Self> {
         let all: Vec<&Shoulder> = shoulders.iter().collect();
         let (index, statistic, scores) = learn(&setup, offsets, &all)?;
@@ -50,7 +49,7 @@ impl FittedReference {
         let rings = shoulders.iter().map(|shoulder| &shoulder.ring).zip(&scores);
         let (ring, pattern) = rings.rev().max_by_key(|(_, scores)| shown(scores))?;
         let place_count: usize = scores.iter().map(Scores::places_shown).sum();
-        // Of a casing by itself what lies below the median tells the scatter: half of the places.
+        // Of a casing by itself what lies below the median tells the scatter: half of the places that do not stand out.
         let value_count = if setup.is_own { place_count / 2 } else { place_count };
         if value_count < VALUES_MIN {
             return None;
