@@ -1,10 +1,9 @@
 //! The options of a line: configuration, source of casings, output folder.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use anyhow::{Context as _, Result, bail};
-use tapline_fuse::{Reference, ReferenceSet};
+use tapline_fuse::Reference;
 
 use crate::cli::line::{LineArgs, SourceArgs};
 use crate::config::Config;
@@ -114,16 +113,13 @@ impl Job {
 
     /// Reads the reference, if it is in a file.
     pub(crate) fn reference(&self) -> Result<Option<ReferenceFile>> {
-        let (text, name) = match &self.reference {
-            ReferenceSource::None => return Ok(None),
-            ReferenceSource::Text(text) => (text.clone(), "the copy of the reference".to_owned()),
-            ReferenceSource::File(path) => {
-                let name = path.display().to_string();
-                (std::fs::read_to_string(path).with_context(|| format!("cannot read the reference {name}"))?, name)
+        match &self.reference {
+            ReferenceSource::None => Ok(None),
+            ReferenceSource::Text(text) => {
+                ReferenceFile::of(text.clone()).context("cannot use the copy of the reference").map(Some)
             }
-        };
-        let set = ReferenceSet::parse(&text).with_context(|| format!("cannot use {name}"))?;
-        Ok(Some(ReferenceFile { text, set: Arc::new(set) }))
+            ReferenceSource::File(path) => ReferenceFile::read(path).map(Some),
+        }
     }
 
     /// What makes the fusion of each casing.

@@ -1,5 +1,7 @@
 //! The reference of a run, and whether it was recorded and analysed like the taps of the run.
 
+use std::fs;
+use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context as _, Result, ensure};
@@ -12,6 +14,20 @@ use tapline_wire::{Plan, Recording};
 pub(crate) struct ReferenceFile {
     pub text: String,
     pub set: Arc<ReferenceSet>,
+}
+
+impl ReferenceFile {
+    /// Reads the reference at `path`.
+    pub(crate) fn read(path: &Path) -> Result<Self> {
+        let text = fs::read_to_string(path).with_context(|| format!("cannot read the reference {}", path.display()))?;
+        Self::of(text).with_context(|| format!("cannot use the reference {}", path.display()))
+    }
+
+    /// Of a `text` that was read before.
+    pub(crate) fn of(text: String) -> Result<Self> {
+        let set = Arc::new(ReferenceSet::parse(&text)?);
+        Ok(Self { text, set })
+    }
 }
 
 /// Makes the fusion of each casing, by the reference that the configuration names.

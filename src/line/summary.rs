@@ -116,8 +116,10 @@ pub(crate) fn summarise(job: &Job, setup: &Setup, names: &[String], pace: Pace, 
             }
         }
     }
-    let pace = pace_line(&pace, &used);
     let [archived, refused, missing] = sum.counts;
+    // As the files have them: a line that is asked to end does not hear of the last ones.
+    let settled = pace.settled_before.map_or(0, |before| (archived + refused).saturating_sub(before));
+    let pace = pace_line(&pace, settled, &used);
     let is_complete = sum.unfinished == 0 && refused == 0 && missing == 0 && sum.is_judged && pace.conflicts == 0;
     let summary = Summary {
         kind: "summary",
@@ -129,7 +131,7 @@ pub(crate) fn summarise(job: &Job, setup: &Setup, names: &[String], pace: Pace, 
         refused,
         missing,
         verdicts: sum.verdicts,
-        auc: sum.has_truth.then(|| Auc::new(&sum.scores.score(), sum.scored)),
+        auc: sum.has_truth.then(|| Auc::new(&sum.scores.score(), sum.scored)).filter(Auc::has_locations),
         flags: Quality::ALL.iter().filter_map(|&(_, name)| Some((name, *sum.flags.get(name)?))).collect(),
         remarks: job.fusions()?.unsupported(),
         reference_is_self: job.config.fuse.reference == Some(Reference::Own),
@@ -196,11 +198,15 @@ impl Auc {
             casings,
         }
     }
+
+    /// Without an index no location counts.
+    fn has_locations(&self) -> bool {
+        self.cracked + self.sound > 0
+    }
 }
 
 #[expect(clippy::cast_precision_loss, reason = "figures for people to read")]
-fn pace_line(pace: &Pace, used: &Used) -> PaceLine {
-    let taps = pace.settled.unwrap_or(0);
+fn pace_line(pace: &Pace, taps: usize, used: &Used) -> PaceLine {
     let elapsed_s = pace.elapsed_s;
     let per_s = |count: f64| if elapsed_s > 0.0 { count / elapsed_s } else { 0.0 };
     let mut line = PaceLine {

@@ -1,6 +1,5 @@
 //! `tapline config`: a complete configuration to start from, and the check of one.
 
-use std::fs;
 use std::io::Write as _;
 
 use anyhow::{Context as _, Result};
@@ -8,6 +7,7 @@ use tapline_fuse::Reference;
 
 use crate::cli::ConfigArgs;
 use crate::config::Config;
+use crate::config::reference::ReferenceFile;
 use tapline_host::stdout::Stdout;
 
 /// Every key of a configuration with its default and what it means.
@@ -22,7 +22,7 @@ pub(crate) fn config(args: &ConfigArgs) -> Result<bool> {
     let (config, _) = Config::read(path)?;
     config.validate().with_context(|| path.display().to_string())?;
     if let Some(Reference::File(path)) = &config.fuse.reference {
-        fs::File::open(path).with_context(|| format!("cannot read the reference {}", path.display()))?;
+        ReferenceFile::read(path)?;
     }
     let lacks_station = config.station.is_empty().then_some("at least one [[station]]");
     let lacks_reference = config.fuse.reference.is_none().then_some("a [fuse] reference");
@@ -37,6 +37,7 @@ pub(crate) fn config(args: &ConfigArgs) -> Result<bool> {
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
+    use std::fs;
     use std::path::Path;
 
     use super::*;

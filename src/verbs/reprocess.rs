@@ -26,7 +26,7 @@ use crate::archives::{Archives, Outcome, Which};
 use crate::cli::archives::ReprocessArgs;
 use crate::config::Config;
 use crate::config::lineage::{made_by, of_discriminators};
-use crate::config::reference::{check_record_s, check_reference};
+use crate::config::reference::{ReferenceFile, check_record_s, check_reference};
 use tapline_host::stdout::Stdout;
 
 /// Most threads that may be asked for.
@@ -80,19 +80,11 @@ impl Asked {
         let config = args.config.as_ref().map(read).transpose()?;
         let reference = args.reference.clone().map(Reference::try_from).transpose().context("--reference")?;
         let text = match &reference {
-            Some(Reference::File(path)) => Some(read_reference(path)?),
+            Some(Reference::File(path)) => Some(ReferenceFile::read(path)?.text),
             _ => None,
         };
         Ok(Self { config, reference, text })
     }
-}
-
-/// The text of the reference at `path`, if it is one.
-fn read_reference(path: &Path) -> Result<String> {
-    let text =
-        std::fs::read_to_string(path).with_context(|| format!("cannot read the reference {}", path.display()))?;
-    ReferenceSet::parse(&text).with_context(|| format!("cannot use the reference {}", path.display()))?;
-    Ok(text)
 }
 
 /// What is to be done with one archive.
@@ -126,7 +118,7 @@ impl Task {
             (Some(_), _) if asked.reference.is_some() => asked.text.clone(),
             // Its own reference lies in the archive, wherever the file is today.
             (Some(Reference::File(_)), Some(text)) if config.fuse.reference == was => Some(text.to_owned()),
-            (Some(Reference::File(path)), _) => Some(read_reference(path)?),
+            (Some(Reference::File(path)), _) => Some(ReferenceFile::read(path)?.text),
             (Some(_), _) => None,
             (None, _) => {
                 bail!("no reference is named: give --reference FILE.json, TYRE/SHOULDER, or self, as for tapline run")

@@ -101,9 +101,12 @@ fn print(
     let count = |state| report.ledger.count(state);
     let (archived, refused, missing) = (count(TapState::Archived), count(TapState::Refused), report.missing_count);
     let is_complete = report.is_complete() && refused == 0;
+    let mut problems: Vec<String> = report.problems.iter().map(ToString::to_string).collect();
+    if !report.is_finished {
+        problems.push(Error::NotFinished { path: archive.to_owned() }.to_string());
+    }
     let mut out = Stdout;
     if as_json {
-        let problems: Vec<String> = report.problems.iter().map(ToString::to_string).collect();
         let text = json!({
             "archive": archive.display().to_string(),
             "plan_digest": format!("{:016x}", report.plan_digest),
@@ -119,7 +122,7 @@ fn print(
         print_json(&mut out, &text, is_of_many)?;
         return Ok(is_complete);
     }
-    for problem in &report.problems {
+    for problem in &problems {
         writeln!(out, "{problem}")?;
     }
     let judged = if report.is_judged() { "all scans judged" } else { "scans without verdict" };
@@ -132,7 +135,7 @@ fn print(
         out,
         "{}: {state}: {archived} archived, {refused} refused, {missing} missing; {judged}; {}",
         archive.display(),
-        counted(report.problems.len(), "problem", "problems")
+        counted(problems.len(), "problem", "problems")
     )?;
     Ok(is_complete)
 }

@@ -119,6 +119,13 @@ fn a_damaged_file_among_many_is_named_and_the_others_are_done() {
         let done = sandbox.run(&format!("reprocess out --reference {reference}")).expect(1);
         assert!(done.err.contains(wrong) && done.err.lines().count() == 1, "{}", done.err);
     }
+    // What only lacks its last byte is named, too.
+    let path = sandbox.path("out/SIM-0003.h5");
+    let mut bytes = fs::read(&path).unwrap();
+    bytes.pop();
+    fs::write(&path, bytes).unwrap();
+    let said = sandbox.run("verify out/SIM-0003.h5").expect(3).out;
+    assert!(said.contains("its end is not as it was written") && said.contains("; 1 problem\n"), "{said}");
     // The verb fails if it is the only file.
     sandbox.run("export out/SIM-0002.h5 verdicts").expect(1);
 }

@@ -54,9 +54,11 @@ fn the_example_of_a_configuration_is_one() {
         let said = sandbox.run("config --check some.toml").expect(0).out;
         assert_eq!(said, format!("some.toml is a configuration\n{lacking}"));
     }
+    sandbox.write("none.json", "{}");
     for (wrong, named) in [
         ("[fuse]\nre_inspect_rate = 2.0\n", "re_inspect_rate"),
         ("[fuse]\nreference = \"nowhere.json\"\n", "cannot read the reference nowhere.json"),
+        ("[fuse]\nreference = \"none.json\"\n", "cannot use the reference none.json"),
         ("[scan]\nlocations = 0\n", "scan.locations is 0"),
         ("[simulation]\nsample_count = 1\n", "sample_count"),
         ("[capture]\nbits = 20\n", "capture.bits is 20"),

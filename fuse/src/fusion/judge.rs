@@ -107,11 +107,11 @@ impl Fusion {
                 let other = compared.shoulders.iter().find(|other| !std::ptr::eq(*other, view.shoulder));
                 view.judge(&self.config, self.plan.geometry, other, &mut judgement, &mut cells);
                 view.mark_offsets(&compared, &mut cells);
+                if cells.iter().any(|cell| cell.damage_index.is_nan()) {
+                    judgement.reasons.insert(Reasons::LOCATION_BLIND);
+                }
             }
             None => judgement.reasons.insert(Reasons::NO_INDEX),
-        }
-        if cells.iter().any(|cell| cell.damage_index.is_nan()) {
-            judgement.reasons.insert(Reasons::LOCATION_BLIND);
         }
         judgement.absent_count = cells.iter().fold(0, |sum: u32, cell| sum.saturating_add(cell.absent_count));
         judgement.verdict = verdict_of(judgement.reasons).code();

@@ -47,6 +47,7 @@ pub fn build_reference(of: &Built, shoulders: Vec<KnownShoulder>) -> Result<Refe
     let mut set = ReferenceSet::of(shoulders, of.config.directions);
     set.lineage.clone_from(&of.lineage);
     set.process.clone_from(&of.process);
+    set.check_rings()?;
     let pattern = Pattern::of_all(&set);
     let known = set.shoulders_like(&pattern, &Normalisation::default());
     let learned = learned(&pattern, &known, of.config.directions);

@@ -54,9 +54,6 @@ struct Fits(Mutex<Vec<Fit>>);
 
 type Fit = (Setup, Pattern, Normalisation, Option<Arc<FittedReference>>);
 
-/// A location of a scan is that of the reference if their angles differ by less.
-const ANGLE_SLACK_DEG: f64 = 0.5;
-
 /// Most patterns that are remembered.
 const FITS_MAX: usize = 8;
 
@@ -200,21 +197,33 @@ impl ReferenceSet {
     /// Refuses a plan whose rings have other locations than its own: an arc of so many would be another length. A plan may leave
     /// some of them out.
     pub(crate) fn check_locations(&self, plan: &Plan) -> Result<(), Error> {
-        let of_ring = self.shoulders.iter().filter(|shoulder| shoulder.geometry == Geometry::Ring);
-        let Some(known) = of_ring.max_by_key(|shoulder| shoulder.locations.len()) else { return Ok(()) };
+        let Some(known) = self.largest_ring() else { return Ok(()) };
         for scan in plan.scans().iter().filter(|_| plan.geometry == Geometry::Ring) {
-            let is_known = |&(location, angle_deg): &(u32, Option<f64>)| {
-                let place = known.locations.binary_search(&location).ok()?;
-                let apart = angle_deg.zip(known.angles_deg[place]).map(|(a, b)| (a - b).abs());
-                Some(apart.is_none_or(|apart| apart < ANGLE_SLACK_DEG))
-            };
-            let is_part = scan.locations.iter().all(|located| is_known(located) == Some(true));
-            let (known, planned) = (known.locations.len(), scan.locations.len());
-            if known != planned && !is_part {
-                return Err(Error::OtherLocations { known, planned });
+            if !known.has_ring(&scan.locations) {
+                return Err(Error::OtherLocations { known: known.locations.len(), planned: scan.locations.len() });
             }
         }
         Ok(())
+    }
+
+    /// Refuses rings of its own that are not parts of one.
+    pub(crate) fn check_rings(&self) -> Result<(), Error> {
+        let Some(known) = self.largest_ring() else { return Ok(()) };
+        let name = |of: &KnownShoulder| format!("{}/{} has {} locations", of.tyre, of.shoulder, of.locations.len());
+        for other in self.shoulders.iter().filter(|shoulder| shoulder.geometry == Geometry::Ring) {
+            let located: Vec<_> = other.locations.iter().copied().zip(other.angles_deg.iter().copied()).collect();
+            if !known.has_ring(&located) {
+                let (known, other) = (name(known), name(other));
+                let reason = format!("{known} of a ring, {other}: arcs of the two cannot be compared");
+                return Err(Error::NotAReference { reason });
+            }
+        }
+        Ok(())
+    }
+
+    fn largest_ring(&self) -> Option<&KnownShoulder> {
+        let rings = self.shoulders.iter().filter(|shoulder| shoulder.geometry == Geometry::Ring);
+        rings.max_by_key(|shoulder| shoulder.locations.len())
     }
 
     /// What it teaches of scans of `pattern`; `None` where nothing of them varies. Computed once for a pattern.

@@ -12,6 +12,9 @@ use crate::shoulder::ring::Ring;
 use crate::shoulder::velocity::Normalisation;
 use crate::shoulder::{self, Shoulder};
 
+/// A location of a scan is that of the reference if their angles differ by less.
+const ANGLE_SLACK_DEG: f64 = 0.5;
+
 /// What came of one shoulder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -52,6 +55,17 @@ pub struct Turn {
 }
 
 impl KnownShoulder {
+    /// Whether a ring of the locations `located`, with their angles, has as many as its own or is a part of it.
+    pub(crate) fn has_ring(&self, located: &[(u32, Option<f64>)]) -> bool {
+        let is_known = |&(location, angle_deg): &(u32, Option<f64>)| {
+            self.locations.binary_search(&location).is_ok_and(|place| {
+                let apart = angle_deg.zip(self.angles_deg[place]).map(|(a, b)| (a - b).abs());
+                apart.is_none_or(|apart| apart < ANGLE_SLACK_DEG)
+            })
+        };
+        self.locations.len() == located.len() || located.iter().all(is_known)
+    }
+
     /// What came of scan number `scan` of `plan`; its locations labelled by `truth`, where that is given.
     ///
     /// Refused taps, and closing ones, are left out. `None` for a scan that is not planned.

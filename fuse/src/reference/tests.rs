@@ -142,6 +142,11 @@ fn rings_of_another_number_of_locations_are_refused() {
     let plan = Casing { location_count: 50, ..Casing::default() }.plan();
     let error = Fusion::with_reference(&file(), &plan, Arc::new(set)).unwrap_err();
     assert_eq!(error, Error::OtherLocations { known: 100, planned: 50 });
+    // Nor are such rings one reference.
+    let mut mixed = shoulders_of(&Casing::default(), 1, false, "A");
+    mixed.extend(shoulders_of(&Casing { location_count: 50, ..Casing::default() }, 2, false, "B"));
+    let error = build_reference(&built(file()), mixed).unwrap_err().to_string();
+    assert!(error.contains("A/1 has 100 locations of a ring, B/1 has 50 locations"), "{error}");
 }
 
 #[test]

@@ -44,8 +44,8 @@ const SHOWN_MAX: usize = 16;
 /// The outcome of a line.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Pace {
-    /// Taps that were settled here; `None` when there was nothing to do.
-    pub settled: Option<usize>,
+    /// Taps that were settled before; `None` when there was nothing to do.
+    pub settled_before: Option<usize>,
     /// Time that took.
     pub elapsed_s: f64,
     /// How often each stage was restarted.
@@ -367,9 +367,8 @@ impl<'a> Supervisor<'a> {
     }
 
     fn into_pace(self) -> Pace {
-        let settled = self.settled().saturating_sub(self.settled_before);
         Pace {
-            settled: Some(settled),
+            settled_before: Some(self.settled_before),
             elapsed_s: self.rate.elapsed_s(),
             restarts: self.stages.restarts(),
             reports: self.stages.reports(),

@@ -199,7 +199,8 @@ pub enum Error {
         codec: Codec,
     },
     /// The archive is not finished: only its writer may use it.
-    #[error("{} is not finished, or its end was cut off: the line that writes it finishes it, or the same command again", path.display())]
+    #[error("{} is not finished, or its end is not as it was written: the line that writes it finishes it, or the same command again; a finished \
+         file whose end was changed is to be moved away first", path.display())]
     NotFinished {
         /// The archive.
         path: PathBuf,
