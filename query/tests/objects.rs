@@ -94,7 +94,10 @@ fn a_bucket_answers_like_a_folder() {
     let bad = sandbox.ask_of(ARCHIVES, "SELECT file, error FROM verdicts WHERE status = 'error'", &cluster.engine, &[]);
     assert_eq!(bad.len(), 2);
     let of_bucket = format!("{TRUNCATED},s3://plant/2025/{TRUNCATED} ");
-    assert!(bad[1].replace('"', "").starts_with(&of_bucket) && bad[1].contains("its end was cut off"), "{bad:?}");
+    assert!(
+        bad[1].replace('"', "").starts_with(&of_bucket) && bad[1].contains("its end is not as it was written"),
+        "{bad:?}"
+    );
 }
 
 /// Catches results that differ with where they lie, and a job that counts before it is committed, or that a pause of the server ends.
