@@ -13,11 +13,11 @@ const PRIOR_COUNT: f64 = 8.0;
 /// rings is given. Found on sound casings of two simulators, smooth and rough: 0.49 to 0.38 standard deviations.
 const ESTIMATED_SPREAD: f64 = 1.3;
 
-/// 1 over the degrees of freedom of a casing by itself, and 2 over the number of values that tell its scatter besides: sound places have
-/// longer tails than noise. Found on casings of two simulators with 20 to 100 places a shoulder (`docs/rates.md`).
+/// A casing by itself has 1/(this + 2/n) degrees of freedom, where n values estimate its scatter: sound places have longer tails than
+/// noise. Found on casings of two simulators with 20 to 100 places a shoulder (`docs/rates.md`).
 const OWN_TAILS: f64 = 0.03;
 
-/// Most degrees of freedom of one: nothing was found of more places.
+/// Most degrees of freedom of one: more places were not measured.
 const OWN_DOF_MAX: f64 = 20.0;
 
 /// Largest limit of one.

@@ -9,8 +9,8 @@ use crate::index::Scores;
 use crate::shoulder::ring::Ring;
 use crate::stats::{mean_and_sd, median};
 
-/// How many rings are drawn; as many opposite ones are made of them. By those the limits of a casing by itself are known to 1 % with one
-/// offset and to 1.5 % with four, against 6000 rings, as well as by 200 drawn ones; and the standard deviation of strongest arcs to 8 %.
+/// How many rings are drawn. The opposite of each counts as another ring. Against 6000 rings, the limits of a casing by itself are then
+/// off by 1 % with one offset and by 1.5 % with four, as with 200 drawn rings.
 const RING_COUNT: usize = 64;
 
 /// How the strongest arcs of rings of noise are distributed.
@@ -20,11 +20,11 @@ pub(crate) struct White {
     pub sd: f64,
     /// How many discriminators they are the evidence of.
     pub width: usize,
-    /// How many values of each told the scatter that they are drawn with.
+    /// How many values of each the scatter was estimated from.
     pub value_count: usize,
 }
 
-/// The strongest arc of rings of noise that have values where `pattern` has; `value_count` values told how they scatter.
+/// The strongest arc of rings of noise that have values where `pattern` has; their scatter was estimated from `value_count` values.
 ///
 /// The same for the same pattern: the seed is fixed.
 pub(crate) fn strongest_arcs(
@@ -110,8 +110,8 @@ mod tests {
     use crate::evidence::ABSENT;
 
     proptest! {
-        /// Catches an arc, or an opposite one, that is passed over although it is the strongest: over the seam, behind a place without a value, and where a
-        /// discriminator is absent.
+        /// Catches an arc, or an opposite one, that is passed over although it is the strongest: over the seam, behind a place without
+        /// a value, and where a discriminator is absent.
         #[test]
         fn the_strongest_arc_is_that_of_the_statistic(
             values in prop::collection::vec(
