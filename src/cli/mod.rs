@@ -220,7 +220,7 @@ pub(crate) enum Verb {
 
 /// What is done with a configuration.
 #[derive(Debug, Args)]
-#[group(required = true)]
+#[group(required = true, multiple = false)]
 pub(crate) struct ConfigArgs {
     /// Print a complete configuration, every key with its default and what it means.
     #[arg(long)]

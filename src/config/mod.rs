@@ -2,8 +2,8 @@
 
 pub(crate) mod job;
 pub(crate) mod lineage;
+mod parse;
 pub(crate) mod reference;
-mod renamed;
 pub(crate) mod report;
 pub(crate) mod wires;
 
@@ -107,7 +107,7 @@ impl LineConfig {
 impl Config {
     /// Reads the TOML `text`.
     pub(crate) fn parse(text: &str) -> Result<Self> {
-        renamed::parse(text)
+        parse::parse(text)
     }
 
     /// Reads the file at `path`: the configuration, and its text.

@@ -79,13 +79,14 @@ impl Fusions {
 }
 
 /// All that discriminators depend on: rate, channels, units and analysed length of the records, and the table `[process]` with
-/// every default.
+/// every default. How many threads compute them changes none, and how long records are beyond what is analysed neither.
 pub(crate) fn process_of(config: &ProcessConfig, recording: &Recording) -> Result<String> {
     let channels: Vec<&str> = recording.channels.iter().map(|channel| channel.name()).collect();
     let units: Vec<&str> = recording.channels.iter().map(|&c| recording.calibration.unit(c).name()).collect();
     let rate_hz = recording.sample_rate_hz;
     let analysed_s = f64::from(config.samples_looked_at(recording.sample_count_max, rate_hz)) / rate_hz;
-    let config = toml::to_string(config).context("the configuration of process does not fit TOML")?;
+    let config = ProcessConfig { workers: 0, record_s: 0.0, ..*config };
+    let config = toml::to_string(&config).context("the configuration of process does not fit TOML")?;
     Ok(format!(
         "sample_rate_hz = {rate_hz:?}\nchannels = {channels:?}\nunits = {units:?}\nanalysed_s = {analysed_s:?}\n{config}"
     ))
@@ -169,6 +170,8 @@ mod tests {
         // What is not analysed of longer records, and the type of their samples, do not count.
         let short = ProcessConfig { record_s: 0.2, ..config };
         assert_eq!(process_of(&short, &longer).unwrap(), process_of(&short, &recording).unwrap());
+        let as_long = ProcessConfig { record_s: 0.4, workers: 3, ..config };
+        assert_eq!(process_of(&as_long, &longer).unwrap(), was);
         assert!(check_record_s(&config, &longer).is_ok());
         let refused = check_record_s(&ProcessConfig { record_s: 0.0125, ..config }, &longer).unwrap_err().to_string();
         assert_eq!(

@@ -280,7 +280,10 @@ impl RunFile {
                 let has_files = fs::read_dir(folder).into_iter().flatten().flatten();
                 let is_result = |path: &Path| path.extension().is_some_and(|ending| ending == "h5");
                 if has_files.map(|file| file.path()).any(|path| is_result(&path)) {
-                    bail!("{} has results of something else: give another --out", folder.display());
+                    bail!(
+                        "{} has archives, but no {RUN_FILE} that says what run they are of: give another --out",
+                        folder.display()
+                    );
                 }
                 let text = toml::to_string(self)?;
                 return Ok(write_atomically(&path, Existing::Keep, |mut file| file.write_all(text.as_bytes()))?);

@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 use tapline_fuse::{Built, Direction, KnownShoulder, Origin, ReferenceSet, build_reference};
 use tapline_host::atomic_file::{check_writable, write_atomically};
 use tapline_host::messages::say;
+use tapline_host::similar::did_you_mean;
 use tapline_host::table::table;
 use tapline_store::Reader;
 use tapline_wire::{Discriminator, Discriminators, Verdict};
@@ -29,6 +30,7 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     check_writable(&args.out, args.force.existing())?;
     let mut wanted: BTreeSet<&str> = args.shoulders.iter().map(String::as_str).collect();
     let names_none = wanted.is_empty();
+    let mut there = BTreeSet::new();
     let mut built: Option<Built> = None;
     let (mut shoulders, mut lineage) = (Vec::new(), Vec::new());
     let archives = Archives::find(&args.archives, args.results.which())?;
@@ -57,16 +59,20 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
         }
         let before = shoulders.len();
         // A named shoulder counts as sound whatever its verdict was; others only if they passed.
-        let is_wanted = |name: &str, has_passed: bool| match names_none {
-            true => {
-                if !has_passed && !args.labelled {
-                    say(&format!(
-                        "{name} did not pass and is left out; name it by --shoulder if it is known to be sound"
-                    ));
+        let is_wanted = |name: &str, has_passed: bool| {
+            there.insert(name.to_owned());
+            match names_none {
+                true => {
+                    if !has_passed && !args.labelled {
+                        say(&format!(
+                            "{}: {name} did not pass and is left out; name it by --shoulder if it is known to be sound",
+                            path.display()
+                        ));
+                    }
+                    has_passed || args.labelled
                 }
-                has_passed || args.labelled
+                false => wanted.remove(name),
             }
-            false => wanted.remove(name),
         };
         take(args, &reader, &records, is_wanted, &mut shoulders)?;
         if shoulders.len() > before {
@@ -79,7 +85,9 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
         }
     }
     if let Some(missing) = wanted.first() {
-        bail!("--shoulder {missing} is in none of the archives");
+        let meant = did_you_mean(missing, there.iter().map(String::as_str));
+        let meant = meant.map(|meant| format!("; {meant}")).unwrap_or_default();
+        bail!("--shoulder {missing} is in none of the archives{meant}");
     }
     let is_complete = outcome.end()?;
     let mut built = built.context("no archive is named")?;

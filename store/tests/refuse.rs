@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use tapline_store::{Error, Reader, Writer};
+use tapline_store::{Error, Lineage, Reader, Writer};
 use tapline_wire::{Plan, RecordKind, Recording, SampleFormat};
 
 use crate::common::{CONFIG, discriminators, header, judgement, new_path, plan, plan_of, put, put_all, samples};
@@ -31,11 +31,11 @@ fn another_run_is_refused_with_both_values() {
 
     let open = folder.path().join("open.h5");
     drop(Writer::create(&open, &given, 0, CONFIG).unwrap());
-    let error = Writer::resume(&open, "[process]\nf_c_hz = 600.0\n").unwrap_err();
-    let expected = "line 2 was \"f_c_hz = 550.0 # \u{b5}\", now \"f_c_hz = 600.0\"";
-    assert!(error.to_string().contains(expected), "{error}");
-    let error = Writer::resume(&open, CONFIG.trim_end()).unwrap_err();
-    assert!(matches!(error, Error::OtherConfiguration { line: 2, .. }), "{error}");
+    drop(Writer::resume(&open, "# a remark, or another pace\n").unwrap());
+    let made_by = "process.f_c_hz = 600.0\nprocess.f_hi_hz = 2000.0";
+    let error = Writer::resume(&open, Lineage { made_by, ..CONFIG.into() }).unwrap_err();
+    assert!(matches!(error, Error::OtherLineage { .. }), "{error}");
+    assert!(error.to_string().contains("process.f_c_hz = 600.0"), "{error}");
 
     let error = Writer::create(&path, &given, given.taps().len(), CONFIG).unwrap_err();
     assert!(matches!(error, Error::Exists { .. }), "{error}");

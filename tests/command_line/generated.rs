@@ -62,6 +62,7 @@ fn the_example_of_a_configuration_is_one() {
         ("[scan]\nlocations = 0\n", "scan.locations is 0"),
         ("[simulation]\nsample_count = 1\n", "sample_count"),
         ("[capture]\nbits = 20\n", "capture.bits is 20"),
+        ("[[scan.tyre]]\nserial = \"S\"\nstation = 1\ncrack = [{ depth_mm = 900.0 }]\n", "crack 1: depth_mm is 900"),
     ] {
         sandbox.write("wrong.toml", wrong);
         for verb in ["config --check wrong.toml", "run --config wrong.toml --out none"] {
@@ -73,4 +74,5 @@ fn the_example_of_a_configuration_is_one() {
     sandbox.write("two.toml", "[[scan.tyre]]\nserial = \"S\"\nstation = 2\n");
     sandbox.run("config --check two.toml").expect(0);
     sandbox.run("config").expect(2);
+    sandbox.run("config --check two.toml --example").expect(2);
 }

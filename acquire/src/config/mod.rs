@@ -277,12 +277,13 @@ impl ScanConfig {
             }
             for (crack_number, crack) in tyre.crack.iter().enumerate() {
                 self.validate_crack(crack, |field| key(&format!("crack[{crack_number}].{field}")))?;
+                crack.validate(serial, crack_number + 1)?;
             }
         }
         Ok(())
     }
 
-    /// Checks where `crack` lies in the scan; how deep and long it may be, the model knows.
+    /// Checks where `crack` lies in the scan.
     fn validate_crack(&self, crack: &Crack, key: impl Fn(&str) -> String) -> Result<(), Error> {
         let &Self { shoulders, locations, .. } = self;
         if !(1..=shoulders).contains(&crack.shoulder) {

@@ -3,7 +3,7 @@
 use hdf5::types::FixedUnicode;
 use tapline_fuse::{Direction, FuseConfig, Reference};
 use tapline_process::{Extractor, ProcessConfig};
-use tapline_store::{Error, Reader, Writer};
+use tapline_store::{Error, Lineage, Reader, Writer};
 use tapline_wire::{
     Channel, ChannelHeader, Discriminator, Geometry, Plan, Recording, SampleFormat, Samples, TapHeader, Truth,
 };
@@ -100,8 +100,8 @@ fn power_ratio(f_c_hz: f64, normal: &mut Normal) -> f64 {
 /// Case 44: an archive that is gone on with under another band.
 ///
 /// Naive: PR of 400 Hz and of 550 Hz in one normalisation part a sound ring into halves that lie more than half of the
-/// whole scale and 10 of their own deviations apart. Hold: an archive holds the text of its configuration and is not gone
-/// on with under another, nor with another plan; both are named.
+/// whole scale and 10 of their own deviations apart. Hold: an archive holds what its results are computed by and is not
+/// gone on with by other options, nor with another plan; both are named.
 #[test]
 fn c44_an_archive_of_two_bands() {
     let mut normal = Normal::new(44);
@@ -112,17 +112,19 @@ fn c44_an_archive_of_two_bands() {
 
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.h5");
-    let (plan, config) = (archived_plan(), "[process]\nf_c_hz = 550.0\n");
-    drop(Writer::create(&path, &plan, plan.taps().len(), config).unwrap());
-    drop(Writer::resume(&path, config).unwrap());
-    match Writer::resume(&path, "[process]\nf_c_hz = 400.0\n") {
-        Err(Error::OtherConfiguration { line: 2, archived, given, .. }) => {
-            assert_eq!((archived.as_str(), given.as_str()), ("f_c_hz = 550.0", "f_c_hz = 400.0"));
+    let plan = archived_plan();
+    let lineage = |made_by| Lineage { made_by, ..Lineage::from("") };
+    let old = lineage("process.f_c_hz = 550.0\nprocess.f_hi_hz = 2000.0");
+    drop(Writer::create(&path, &plan, plan.taps().len(), old).unwrap());
+    drop(Writer::resume(&path, old).unwrap());
+    match Writer::resume(&path, lineage("process.f_c_hz = 400.0\nprocess.f_hi_hz = 2000.0")) {
+        Err(Error::OtherLineage { archived, given, .. }) => {
+            assert_eq!((archived.as_str(), given.as_str()), ("process.f_c_hz = 550.0", "process.f_c_hz = 400.0"));
         }
         other => panic!("{:?}", other.map(|_| "opened")),
     }
     let other_plan = plan.clone().with_source(1);
     let reader = Reader::open_unfinished(&path).unwrap();
-    assert!(matches!(reader.check_same(&other_plan, config), Err(Error::OtherPlan { .. })));
+    assert!(matches!(reader.check_same(&other_plan, old), Err(Error::OtherPlan { .. })));
     assert_eq!(reader.plan(), &plan);
 }

@@ -41,8 +41,11 @@ const CORDS_N_PER_M: f64 = 8.0e4;
 const LOADED_HZ: f64 = 850.0;
 
 impl Crack {
-    /// Checks every quantity against its bounds; `serial` and `number` go into the error.
-    pub(crate) fn validate(&self, serial: &str, number: usize) -> Result<(), Error> {
+    /// Checks every quantity against its bounds; `serial` and `number`, from 1, go into the error.
+    ///
+    /// # Errors
+    /// [`Error::Crack`] with the first quantity that is out of them.
+    pub fn validate(&self, serial: &str, number: usize) -> Result<(), Error> {
         for (name, value, low, high) in [
             ("shoulder", f64::from(self.shoulder), 1.0, f64::from(u16::MAX)),
             ("location_count", f64::from(self.location_count), 1.0, f64::from(u32::MAX)),

@@ -84,7 +84,7 @@ impl Archive {
         self.file.flush()
     }
 
-    /// Checks that this is the archive of `plan`, begun with the configuration and the reference of `lineage`.
+    /// Checks that this is the archive of `plan`, begun with the program, the options and the reference of `lineage`.
     pub(crate) fn check_same(&self, plan: &Plan, lineage: Lineage<'_>) -> Result<()> {
         let (archived, given) = (self.plan.digest(), plan.digest());
         if archived != given {
@@ -93,16 +93,8 @@ impl Archive {
         self.check_lineage(lineage)
     }
 
-    /// Checks that it was begun with the configuration, the reference and the program of `lineage`.
-    pub(crate) fn check_lineage(&self, lineage: Lineage<'_>) -> Result<()> {
-        if self.config != lineage.config_toml {
-            return Err(Error::other_configuration(&self.path, &self.config, lineage.config_toml));
-        }
-        self.check_results_lineage(lineage)
-    }
-
     /// Checks that its results are computed by the same program and options as those of `lineage`, and with the same reference.
-    pub(crate) fn check_results_lineage(&self, lineage: Lineage<'_>) -> Result<()> {
+    pub(crate) fn check_lineage(&self, lineage: Lineage<'_>) -> Result<()> {
         if self.reference.as_deref() != lineage.reference {
             return Err(Error::OtherReference { path: self.path.clone() });
         }

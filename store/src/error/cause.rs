@@ -18,15 +18,9 @@ impl Error {
         Self::Damaged { path: path.to_owned(), what: what.into() }
     }
 
-    /// The error that names the first line in which two configurations differ.
-    pub(crate) fn other_configuration(path: &Path, archived: &str, given: &str) -> Self {
-        let (line, archived, given) = first_difference(archived, given);
-        Self::OtherConfiguration { path: path.to_owned(), line, archived, given }
-    }
-
     /// The error that names the first line in which two lineages differ.
     pub(crate) fn other_lineage(path: &Path, archived: &str, given: &str) -> Self {
-        let (_, archived, given) = first_difference(archived, given);
+        let (archived, given) = first_difference(archived, given);
         Self::OtherLineage { path: path.to_owned(), archived, given }
     }
 
@@ -87,12 +81,10 @@ impl Error {
     }
 }
 
-/// Number, from 1, and wording of the first line in which two texts differ; a line that one text lacks is empty.
-fn first_difference(archived: &str, given: &str) -> (usize, String, String) {
+/// The first line in which two texts differ, in both; a line that one text lacks is empty.
+fn first_difference(archived: &str, given: &str) -> (String, String) {
     let line_count = archived.lines().count().max(given.lines().count());
     let pair = |k: usize| (archived.lines().nth(k).unwrap_or(""), given.lines().nth(k).unwrap_or(""));
-    // Texts may differ in their line ends alone: then the last line is named.
-    let k = (0..line_count).find(|&k| pair(k).0 != pair(k).1).unwrap_or(line_count.saturating_sub(1));
-    let (archived, given) = pair(k);
-    (k + 1, archived.to_owned(), given.to_owned())
+    let (archived, given) = (0..line_count).map(pair).find(|(a, b)| a != b).unwrap_or_default();
+    (archived.to_owned(), given.to_owned())
 }

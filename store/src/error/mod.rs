@@ -172,18 +172,6 @@ pub enum Error {
         /// The archive.
         path: PathBuf,
     },
-    /// The archive was begun under another configuration.
-    #[error("{} was begun with another configuration: line {line} was {archived:?}, now {given:?}", path.display())]
-    OtherConfiguration {
-        /// The file.
-        path: PathBuf,
-        /// First line that differs, from 1.
-        line: usize,
-        /// That line in the archive.
-        archived: String,
-        /// That line in this run.
-        given: String,
-    },
     /// The archive to be resumed is packed by a codec that is too slow for a line.
     #[error("{} is packed by {codec}, which is for finished archives: repack it with lz4, zstd or none", path.display())]
     OfflineCodec {

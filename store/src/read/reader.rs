@@ -95,10 +95,10 @@ impl Reader {
         self.archive.is_finished
     }
 
-    /// Checks that this is the archive of `plan`, begun with the configuration and the reference of `lineage`.
+    /// Checks that this is the archive of `plan`, begun with the program, the options and the reference of `lineage`.
     ///
     /// # Errors
-    /// [`crate::Error::OtherPlan`], [`crate::Error::OtherConfiguration`] and [`crate::Error::OtherReference`].
+    /// [`crate::Error::OtherPlan`], [`crate::Error::OtherReference`] and [`crate::Error::OtherLineage`].
     pub fn check_same<'a>(&self, plan: &Plan, lineage: impl Into<Lineage<'a>>) -> Result<()> {
         self.archive.check_same(plan, lineage.into())
     }

@@ -21,7 +21,6 @@ mod proposals;
 mod receive;
 mod unreported;
 
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 use tapline_codec::Codec;
@@ -39,7 +38,6 @@ use self::notices::Notices;
 use self::open_casing::OpenCasing;
 use crate::error::Result;
 use crate::format::lineage::Lineage;
-use crate::write::Writer;
 
 /// Taps after which the archive is flushed even while more are coming.
 const FLUSH_TAPS: usize = 64;
@@ -71,15 +69,6 @@ pub struct StoreRun {
 }
 
 impl StoreRun {
-    /// Resumes the unfinished file at `path`. The configuration of a line may have changed since, for example its stations, its
-    /// hook or a comment; the program and options that compute results must be the same.
-    fn resume(&self, path: &Path) -> Result<Writer> {
-        match self.skips_finished {
-            true => Writer::resume(path, self.lineage()),
-            false => Writer::resume_as_begun(path, self.lineage()),
-        }
-    }
-
     fn lineage(&self) -> Lineage<'_> {
         Lineage {
             config_toml: &self.config_toml,

@@ -18,7 +18,7 @@ impl StageLoop<'_> {
         self.run.places.create()?;
         self.take_up_finished()?;
         for path in self.run.places.open_files()? {
-            match self.run.resume(&path) {
+            match Writer::resume(&path, self.run.lineage()) {
                 Ok(writer) => self.open.push(OpenCasing::new(writer)),
                 Err(Error::Finished { .. }) => self.take_up_sealed(&path)?,
                 Err(error) if error.is_recoverable() => return Err(write_failure(error)),
@@ -78,7 +78,7 @@ impl StageLoop<'_> {
         let writer = self.retry_new_until_recovered(|| {
             match Writer::create(&path, plan, taps_max, run.lineage()) {
                 // An earlier attempt may have created it and failed to open it.
-                Err(Error::Exists { .. }) => run.resume(&path),
+                Err(Error::Exists { .. }) => Writer::resume(&path, run.lineage()),
                 made => made,
             }
         });

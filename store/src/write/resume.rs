@@ -17,27 +17,16 @@ use crate::write::Writer;
 use crate::write::tap_state::{Track, Version};
 
 impl Writer {
-    /// Continues the archive at `path`, which must have been begun with the same configuration, reference and program. Its plan
-    /// is the archived one.
+    /// Continues the archive at `path`, whose results must be computed by the same program and options and with the same
+    /// reference as when it was begun. Its plan and its configuration are the archived ones.
     ///
     /// # Errors
     /// [`crate::Error::Finished`], [`crate::Error::NotHdf5`], [`crate::Error::NotAnArchive`], [`crate::Error::FormatVersion`],
-    /// [`crate::Error::OtherConfiguration`], [`crate::Error::OtherReference`], [`crate::Error::OtherLineage`],
-    /// [`crate::Error::OfflineCodec`], [`crate::Error::InUse`], [`crate::Error::Damaged`], or what the system returns.
+    /// [`crate::Error::OtherReference`], [`crate::Error::OtherLineage`], [`crate::Error::OfflineCodec`],
+    /// [`crate::Error::InUse`], [`crate::Error::Damaged`], or what the system returns.
     pub fn resume<'a>(path: impl AsRef<Path>, lineage: impl Into<Lineage<'a>>) -> Result<Self> {
         let archive = Archive::open(path.as_ref(), Access::Write)?;
         archive.check_lineage(lineage.into())?;
-        Self::new(archive)
-    }
-
-    /// As [`Writer::resume`], with any configuration, as long as results are computed by the same program and options and with
-    /// the same reference.
-    ///
-    /// # Errors
-    /// As [`Writer::resume`], except [`crate::Error::OtherConfiguration`].
-    pub fn resume_as_begun<'a>(path: impl AsRef<Path>, lineage: impl Into<Lineage<'a>>) -> Result<Self> {
-        let archive = Archive::open(path.as_ref(), Access::Write)?;
-        archive.check_results_lineage(lineage.into())?;
         Self::new(archive)
     }
 }

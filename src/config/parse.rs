@@ -1,0 +1,80 @@
+//! Reads a configuration; what is wrong with it is said in words of people, not of the program's types.
+
+use anyhow::{Error, Result};
+use serde::de::DeserializeOwned;
+
+/// Reads the TOML `text`.
+///
+/// # Errors
+/// What is wrong and where.
+pub(super) fn parse<T: DeserializeOwned>(text: &str) -> Result<T> {
+    toml::from_str(text).map_err(|error| Error::msg(in_words(&error.to_string())))
+}
+
+/// What people call the types that an error says it expected.
+const TYPES: [(&str, &str); 9] = [
+    ("u8", "a whole number from 0 to 255"),
+    ("u16", "a whole number from 0 to 65535"),
+    ("u32", "a whole number from 0 to 4294967295"),
+    ("u64", "a whole number, not below 0"),
+    ("usize", "a whole number, not below 0"),
+    ("i64", "a whole number"),
+    ("f64", "a number"),
+    ("a sequence", "a list"),
+    ("a map", "a table"),
+];
+
+/// `error` with the types in words; they are in its last line.
+fn in_words(error: &str) -> String {
+    let error = error.trim_end();
+    let (place, what) = error.rsplit_once('\n').map_or(("", error), |(place, what)| (place, what));
+    let Some((found, expected)) = what.rsplit_once("expected ") else { return error.to_owned() };
+    let of_type = || TYPES.iter().find(|(name, _)| *name == expected).map(|(_, words)| *words);
+    let expected = if expected.starts_with("struct ") { "a table" } else { of_type().unwrap_or(expected) };
+    let found = found.replace("invalid type: map", "invalid type: table");
+    let found = found.replace("invalid type: sequence", "invalid type: list");
+    format!("{place}\n{found}expected {expected}").trim_start_matches('\n').to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use tapline_host::similar::meant_instead;
+
+    use super::*;
+    use crate::config::Config;
+
+    fn refusal(text: &str) -> String {
+        format!("{:#}", parse::<Config>(text).unwrap_err())
+    }
+
+    /// Catches a bound that is told as the name of a type, a type of the program, and an error without its place.
+    #[test]
+    fn bounds_are_told_in_words() {
+        for (text, words) in [
+            ("[scan]\nstations = 70000", "`70000`, expected a whole number from 0 to 65535"),
+            ("[scan]\nlocations = -1", "`-1`, expected a whole number from 0 to 4294967295"),
+            ("[process]\nworkers = -1", "`-1`, expected a whole number, not below 0"),
+            ("[process]\nf_c_hz = \"x\"", "\"x\", expected a number"),
+            ("scan = 3", "`3`, expected a table"),
+            ("[station]\nnumber = 1", "invalid type: table, expected a list"),
+            ("[scan]\noffsets_mm = 1.0", "`1.0`, expected a list"),
+        ] {
+            let refusal = refusal(text);
+            assert!(refusal.ends_with(words) && refusal.contains("line "), "{refusal}");
+        }
+    }
+
+    /// Catches a slip in a key, an index or a discriminator without the name that was meant, and a hint that leads astray.
+    #[test]
+    fn what_was_meant_by_a_slip_is_said() {
+        for (text, meant) in [
+            ("[process]\nf_hi = 1.0", Some("did you mean \"f_hi_hz\"?")),
+            ("[fuse]\nindex = \"fusde\"", Some("did you mean \"fused\"?")),
+            ("[fuse]\ndiscriminators = [\"f_max\", \"tua\"]", Some("did you mean \"tau\"?")),
+            ("[fusion]", Some("did you mean \"fuse\"?")),
+            ("[process]\ncolour = 1.0", None),
+        ] {
+            assert_eq!(meant_instead(&refusal(text)).as_deref(), meant, "{}", refusal(text));
+        }
+    }
+}
