@@ -19,7 +19,7 @@ use realfft::{RealFftPlanner, RealToComplex};
 use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
 use tapline_fuse::{Built, FuseConfig, Fusion, KnownShoulder, Reference, build_reference};
 use tapline_model::{DampingLaw, Rung, Scene, SimulationConfig, choose};
-use tapline_process::{Precision, ProcessConfig, ProcessExtractor, SpectrumEstimator, without_avx512};
+use tapline_process::{Precision, ProcessConfig, ProcessExtractor, without_avx512};
 use tapline_wire::{
     CacheLine, Channel, ChannelHeader, Discriminators, SampleFormat, Samples, TapHeader, cache_lines_for,
 };
@@ -130,8 +130,6 @@ fn of_records(count: usize) -> Result<Vec<Row>> {
     kernels.push(extract("extract f64, force and sound i16", &taps, self::extractor(Precision::F64)?, false));
     kernels.push(extract("extract f32, sound alone f32", &taps, self::extractor(Precision::F32)?, true));
     kernels.push(extract("extract f64, sound alone f32", &taps, self::extractor(Precision::F64)?, true));
-    let config = ProcessConfig { spectrum: SpectrumEstimator::Gate, ..ProcessConfig::default() };
-    kernels.push(extract("the same f32, spectrum of a gate", &taps, ProcessExtractor::new(&config)?, true));
     kernels.push(judge(fusion, &records));
     kernels.extend(again);
     kernels.extend(ladder());

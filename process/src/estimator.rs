@@ -36,17 +36,6 @@ pub enum DurationEstimator {
     Impulse,
 }
 
-/// Which part of the record the sound's power is computed from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum SpectrumEstimator {
-    /// The whole record.
-    #[default]
-    Whole,
-    /// `gate_s` from the sound's onset, scaled to the whole record; without a baseline or an onset, the whole record.
-    Gate,
-}
-
 /// What is subtracted from the sound. It is estimated before the trigger; without a baseline nothing is subtracted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]

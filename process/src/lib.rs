@@ -71,7 +71,7 @@ mod spectrum;
 mod stage;
 
 pub use error::Error;
-pub use estimator::{BandEdges, DurationEstimator, PeakEstimator, SpectrumEstimator, Subtraction};
+pub use estimator::{BandEdges, DurationEstimator, PeakEstimator, Subtraction};
 pub use extractor::config::{Precision, ProcessConfig};
 pub use extractor::{Extractor, ProcessExtractor};
 pub use quality::{Policy, QualityConfig};

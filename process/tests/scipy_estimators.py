@@ -24,17 +24,14 @@ CASES = [
     (QUICK | dict(p=5, onset=5.5), dict(tau="impulse")),
     (QUICK, dict(droop_time_constant_s=0.01)),
     (QUICK | COUNTS | dict(seed=16, offset=2.0), dict(droop_time_constant_s=0.1, f_max="polynomial", tau="impulse")),
-    (dict(), dict(spectrum="gate")),
-    (dict(seed=17, rate=41000.0, noise=0.02), dict(spectrum="gate", gate_s=0.04, band_edges="fractional")),
-    (QUICK | COUNTS | dict(seed=18, has_force=False), dict(spectrum="gate", gate_s=0.03)),
-    (QUICK | dict(p=0), dict(spectrum="gate")),
-    (dict(count=1024), dict(spectrum="gate")),
     (QUICK | dict(rate=41000.0), dict(band_edges="fractional")),
+    (QUICK | COUNTS | dict(seed=18, has_force=False), dict(record_s=0.05)),
+    (dict(seed=17, rate=41000.0, noise=0.02), dict(record_s=0.1, band_edges="fractional")),
     (QUICK | dict(f_lo=0.0), dict(band_edges="fractional")),
     (dict(noise=0.05), dict(subtract="noise")),
-    (COUNTS | dict(seed=22, noise=0.03), dict(subtract="noise", spectrum="gate")),
+    (COUNTS | dict(seed=22, noise=0.03), dict(subtract="noise", record_s=0.05)),
     (QUICK | dict(seed=23, offset=0.2), dict(subtract="hum")),
-    (COUNTS | dict(seed=24, noise=0.02), dict(subtract="both", mains_hz=60.0, spectrum="gate", band_edges="fractional")),
+    (COUNTS | dict(seed=24, noise=0.02), dict(subtract="both", mains_hz=60.0, record_s=0.05, band_edges="fractional")),
     (QUICK | dict(p=100, onset=101.0), dict(subtract="hum")),
 ]
 
@@ -111,30 +108,12 @@ def overlap(f, df, low, high, kind):
     return np.clip((np.minimum(f + df / 2, high) - np.maximum(f - df / 2, low)) / df, 0, 1)
 
 
-def smooth(n):
-    rest = n
-    for q in [2, 3, 5]:
-        while rest % q == 0:
-            rest //= q
-    return rest == 1 and n % 2 == 0
-
-
-def spectrum(x, fs, onset, m, settings, f_lo):
-    gate = round(settings.get("gate_s", 0.05) * fs)
-    n, share = len(x), 1.0
-    length, y = n, x - x.mean()
-    if settings.get("spectrum") == "gate" and onset is not None and m > 0:
-        first = max(0, math.floor(onset - 1e-3 * fs))
-        if first + gate < n:
-            tail = int(0.1 * gate)
-            window = np.ones(gate)
-            window[gate - tail:] = 0.5 * (1 + np.cos(math.pi * (np.arange(tail) + 0.5) / tail))
-            y, share = x[first:first + gate] * window, np.sum(window ** 2) / n
-            length = next(k for k in range(gate, 2 * gate) if smooth(k))
-    f = np.fft.rfftfreq(length, 1 / fs)
+def spectrum(x, fs, m, settings, f_lo):
+    n = len(x)
+    f = np.fft.rfftfreq(n, 1 / fs)
     df = f[1]
-    psd = np.abs(np.fft.rfft(y, length)) ** 2 / (fs * n)
-    psd[1:len(psd) - (length % 2 == 0)] *= 2
+    psd = np.abs(np.fft.rfft(x - x.mean())) ** 2 / (fs * n)
+    psd[1:len(psd) - (n % 2 == 0)] *= 2
     psd[0] = 0
     kind = settings.get("band_edges", "bins")
     flexural = overlap(f, df, BANDS["f_c"], BANDS["f_hi"], kind)
@@ -146,8 +125,8 @@ def spectrum(x, fs, onset, m, settings, f_lo):
         noise[0] = 0
         part = [(noise * overlap(g, g[1], low, high, "fractional")).sum() * g[1]
                 for low, high in [(BANDS["f_c"], BANDS["f_hi"]), (f_lo, BANDS["f_top"])]]
-        e_f, e_all = e_f - share * part[0], e_all - share * part[1]
-        p_f -= share * part[0] / (BANDS["f_hi"] - BANDS["f_c"])
+        e_f, e_all = e_f - part[0], e_all - part[1]
+        p_f -= part[0] / (BANDS["f_hi"] - BANDS["f_c"])
     return dict(pr=e_f / e_all, p_f=p_f, e_f=e_f, centroid=centroid)
 
 
@@ -160,7 +139,10 @@ def magnitude_of_noise(x, ringing, sigma):
 def discriminators(c, settings):
     force, sound = channels(c)
     force, sound = converted(force, c["force_unit"], c["is_i16"]), converted(sound, c["sound_unit"], c["is_i16"])
-    fs, m, found, onset = c["rate"], math.floor(0.75 * c["p"]), {}, None
+    fs, m, found = c["rate"], math.floor(0.75 * c["p"]), {}
+    if settings.get("record_s"):
+        used = math.ceil(settings["record_s"] * fs)
+        force, sound = force[:used], sound[:used]
     base = np.median(sound[:m]) if m else 0.0
     x = sound - base
     if settings.get("subtract") in ["hum", "both"]:
@@ -174,12 +156,12 @@ def discriminators(c, settings):
         found |= dict(f_max=f_max, tau=tau / fs, a_1=abs(trapezoid(x, onset, onset + tau)) / fs)
         ringing = onset + tau
     elif m:
-        ringing = onset = float(np.flatnonzero(np.abs(sound - base) > 5 * np.std(sound[:c["p"]]))[0])
+        ringing = float(np.flatnonzero(np.abs(sound - base) > 5 * np.std(sound[:c["p"]]))[0])
     if m:
         found["a_2"] = trapezoid(x, ringing, len(x) - 1, np.abs) / fs
         if settings.get("subtract") in ["noise", "both"]:
             found["a_2"] = max(0.0, found["a_2"] - magnitude_of_noise(x, ringing, np.std(x[:m])) / fs)
-    return found | spectrum(x, fs, onset, m, settings, c["f_lo"])
+    return found | spectrum(x, fs, m, settings, c["f_lo"])
 
 
 def main():

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use anyhow::{Context as _, Result, bail};
 use tapline_model::{Crack, SimulatedRig, SimulatedTap, SimulatedTyre, SimulationConfig};
-use tapline_process::{BandEdges, Extractor, Precision, ProcessConfig, Real, SpectrumEstimator, Subtraction};
+use tapline_process::{BandEdges, Extractor, Precision, ProcessConfig, Real, Subtraction};
 use tapline_wire::{Channel, Discriminator};
 
 use super::{Cell, Errors, Estimator, RATES_HZ, Row, add_noise, amount, extract, uniform};
@@ -14,6 +14,8 @@ const TAPS: u32 = 100;
 /// Seconds of a record, and before the impact: those of the rig.
 const RECORD_S: f64 = 0.4;
 const PRE_TRIGGER_S: f64 = 0.0125;
+/// Seconds of the beginning that is read alone: a record's default length.
+const USED_S: f64 = 0.05;
 
 const POWERS: &[Discriminator] = &[Discriminator::Pr, Discriminator::Pf, Discriminator::Ef];
 
@@ -44,33 +46,31 @@ pub(super) fn cells() -> Vec<Cell> {
 }
 
 fn estimators() -> Vec<Estimator> {
-    let of = |name, spectrum, band_edges, subtract, precision| Estimator {
-        name,
-        config: ProcessConfig { spectrum, band_edges, subtract, precision, ..super::plain() },
-        quantities: POWERS,
-    };
-    use BandEdges::{Bins, Fractional};
-    use Precision::{F32, F64};
-    use SpectrumEstimator::{Gate, Whole};
-    use Subtraction as S;
-    vec![
-        of("whole, f64", Whole, Bins, S::None, F64),
-        of("whole", Whole, Bins, S::None, F32),
-        of("whole, fractional", Whole, Fractional, S::None, F32),
-        of("gate", Gate, Bins, S::None, F32),
-        of("gate, fractional", Gate, Fractional, S::None, F32),
-        of("whole, less noise", Whole, Bins, S::Noise, F32),
-        of("gate, fractional, less noise", Gate, Fractional, S::Noise, F32),
-        of("whole, less hum", Whole, Bins, S::Hum, F32),
-        of("gate, fractional, less both", Gate, Fractional, S::Both, F32),
-    ]
+    let all = super::plain();
+    let part = ProcessConfig { record_s: USED_S, ..all };
+    let less = |subtract, config| ProcessConfig { subtract, ..config };
+    let fractional = |config| ProcessConfig { band_edges: BandEdges::Fractional, ..config };
+    use Subtraction::{Both, Hum, Noise};
+    let ways = [
+        ("0.4 s, f64", ProcessConfig { precision: Precision::F64, ..all }),
+        ("0.4 s", all),
+        ("0.4 s, fractional", fractional(all)),
+        ("0.4 s, less noise", less(Noise, all)),
+        ("0.4 s, less hum", less(Hum, all)),
+        ("0.05 s", part),
+        ("0.05 s, fractional", fractional(part)),
+        ("0.05 s, less noise", less(Noise, part)),
+        ("0.05 s, less hum", less(Hum, part)),
+        ("0.05 s, less both", less(Both, part)),
+    ];
+    ways.map(|(name, config)| Estimator { name, config, quantities: POWERS }).into()
 }
 
 pub(super) fn measure(cell: &Cell) -> Result<Vec<Row>> {
     let clean = clean(cell)?;
     let pre_trigger = pre_trigger(cell.rate_hz);
     let mut reference = Extractor::<f64>::new(&super::plain())?;
-    let truth = powers(&mut reference, &clean, cell.rate_hz)?;
+    let truth = powers(&mut reference, &clean, cell.rate_hz, RECORD_S)?;
     let peak = clean.iter().map(|x| f64::from(x.abs())).max_by(f64::total_cmp).unwrap_or(f64::NAN);
     let mut generator = cell.generator(0);
     let mut taps = Vec::new();
@@ -99,8 +99,10 @@ fn measure_with<T: Real>(
 ) -> Result<Vec<Row>> {
     let mut extractor = Extractor::<T>::new(&estimator.config)?;
     let mut errors = [Errors::default(), Errors::default(), Errors::default()];
+    let used_s = estimator.config.record_s;
+    let used_s = if used_s > 0.0 { used_s } else { RECORD_S };
     for samples in taps {
-        let found = powers(&mut extractor, samples, cell.rate_hz)?;
+        let found = powers(&mut extractor, samples, cell.rate_hz, used_s)?;
         for ((errors, found), truth) in errors.iter_mut().zip(found).zip(truth) {
             errors.push(found, truth.context("a clean tap has its powers")?);
         }
@@ -108,9 +110,18 @@ fn measure_with<T: Real>(
     Ok(errors.iter().zip(estimator.quantities).map(|(errors, &q)| errors.row(cell, estimator.name, q)).collect())
 }
 
-fn powers<T: Real>(extractor: &mut Extractor<T>, samples: &[f32], rate_hz: u32) -> Result<[Option<f64>; 3]> {
+/// PR, P_f and E_f of the first `used_s` of `samples`; density and energy are averages over what is used, and are given as
+/// averages over all.
+fn powers<T: Real>(
+    extractor: &mut Extractor<T>,
+    samples: &[f32],
+    rate_hz: u32,
+    used_s: f64,
+) -> Result<[Option<f64>; 3]> {
     let found = extract(extractor, Channel::Sound, samples, rate_hz, pre_trigger(rate_hz))?;
-    Ok([Discriminator::Pr, Discriminator::Pf, Discriminator::Ef].map(|which| found.get(which)))
+    let of = |which, scale: f64| found.get(which).map(|value| scale * value);
+    let part = used_s / RECORD_S;
+    Ok([of(Discriminator::Pr, 1.0), of(Discriminator::Pf, part), of(Discriminator::Ef, part)])
 }
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few hundred samples")]

@@ -46,10 +46,10 @@ fn default_estimators_keep_their_limits() {
         // Of a skewed pulse, alike at all noises: a fifth to a quarter short.
         ("tau_s", "half_sine", None, 25.0, 0.05),
         ("tau_s", "half_sine", Some(40), 25.0, 1.3),
-        ("pr", "whole", None, 0.001, 0.001),
-        ("pr", "whole", Some(60), 0.1, 0.2),
-        ("e_f", "whole", Some(60), 0.1, 0.2),
-        ("p_f", "whole", Some(60), 0.8, 1.2),
+        ("pr", "0.4 s", None, 0.001, 0.001),
+        ("pr", "0.4 s", Some(60), 0.1, 0.2),
+        ("e_f", "0.4 s", Some(60), 0.1, 0.2),
+        ("p_f", "0.4 s", Some(60), 0.8, 1.2),
     ];
     let is_wanted = |cell: &Cell| {
         let is_plain = cell.rate_hz == 40_960 && cell.fault.is_empty();

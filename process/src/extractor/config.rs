@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{BandEdges, DurationEstimator, Error, PeakEstimator, QualityConfig, SpectrumEstimator, Subtraction};
+use crate::{BandEdges, DurationEstimator, Error, PeakEstimator, QualityConfig, Subtraction};
 
 /// Most workers that a configuration may ask for.
 const WORKERS_MAX: usize = 1024;
@@ -40,10 +40,6 @@ pub struct ProcessConfig {
     pub tau: DurationEstimator,
     /// Time constant of the force sensor's coupling, whose droop is corrected; 0 if the sensor has none.
     pub droop_time_constant_s: f64,
-    /// Which part of the record the sound's power is computed from.
-    pub spectrum: SpectrumEstimator,
-    /// Length of the gate of `spectrum = "gate"`.
-    pub gate_s: f64,
     /// How bins at a band's edge count.
     pub band_edges: BandEdges,
     /// What is subtracted from the sound; it is estimated before the trigger.
@@ -71,8 +67,6 @@ impl Default for ProcessConfig {
             f_max: PeakEstimator::Parabola,
             tau: DurationEstimator::HalfSine,
             droop_time_constant_s: 0.0,
-            spectrum: SpectrumEstimator::Whole,
-            gate_s: 0.05,
             band_edges: BandEdges::Bins,
             subtract: Subtraction::None,
             mains_hz: 50.0,
@@ -103,7 +97,6 @@ impl ProcessConfig {
             if value.is_finite() && is_good { Ok(()) } else { Err(Error::Time { key, value, bound }) }
         };
         time("record_s", self.record_s, self.record_s >= 0.0, "not below 0")?;
-        time("gate_s", self.gate_s, self.gate_s > 0.0, "above 0")?;
         time("droop_time_constant_s", self.droop_time_constant_s, self.droop_time_constant_s >= 0.0, "not below 0")?;
         let band = |key, value, bound_key, bound| {
             if value > bound { Ok(()) } else { Err(Error::EmptyBand { key, value, bound_key, bound }) }
@@ -155,7 +148,7 @@ mod tests {
     #[test]
     fn estimators_by_name() {
         let parsed = |text: &str| toml::from_str::<ProcessConfig>(text).unwrap();
-        use {DurationEstimator as D, PeakEstimator as P, SpectrumEstimator as S, Subtraction as B};
+        use {DurationEstimator as D, PeakEstimator as P, Subtraction as B};
         for (name, chosen) in [("raw", P::Raw), ("parabola", P::Parabola), ("polynomial", P::Polynomial)] {
             assert_eq!(parsed(&format!("f_max = \"{name}\"")).f_max, chosen);
         }
@@ -163,9 +156,6 @@ mod tests {
             [("half_sine", D::HalfSine), ("width_02", D::Width02), ("width_50", D::Width50), ("impulse", D::Impulse)]
         {
             assert_eq!(parsed(&format!("tau = \"{name}\"")).tau, chosen);
-        }
-        for (name, chosen) in [("whole", S::Whole), ("gate", S::Gate)] {
-            assert_eq!(parsed(&format!("spectrum = \"{name}\"")).spectrum, chosen);
         }
         for (name, chosen) in [("none", B::None), ("noise", B::Noise), ("hum", B::Hum), ("both", B::Both)] {
             assert_eq!(parsed(&format!("subtract = \"{name}\"")).subtract, chosen);
@@ -197,7 +187,6 @@ mod tests {
         );
         assert_eq!(message(ProcessConfig { workers: 5000, ..good }), "process.workers = 5000: must be at most 1024");
         assert!(ProcessConfig { f_top_hz: f64::INFINITY, ..good }.validate().is_err());
-        assert_eq!(message(ProcessConfig { gate_s: 0.0, ..good }), "process.gate_s = 0 s: must be finite and above 0");
         assert_eq!(
             message(ProcessConfig { record_s: -0.1, ..good }),
             "process.record_s = -0.1 s: must be finite and not below 0"

@@ -21,10 +21,7 @@ use crate::signal::hum::Hum;
 use crate::signal::record::{Count, Record, Track};
 use crate::sound::{SOUND_M_PER_S, deviation, magnitude_area, magnitude_of_noise};
 use crate::spectrum::{Bands, Spectrum, View};
-use crate::{Error, ProcessConfig, Real, SpectrumEstimator};
-
-/// How long before the sound's onset the gate opens, because the onset is an estimate.
-const GATE_LEAD_S: f64 = 1e-3;
+use crate::{Error, ProcessConfig, Real};
 
 /// Extracts the discriminators of taps, one after the other, in the arithmetic of `T`.
 ///
@@ -236,7 +233,11 @@ impl<T: Real> Extractor<T> {
         }
         let tau_s = pulse.ok().map(|pulse| pulse.tau_samples / record.sample_rate_hz);
         let bands = self.bands(tau_s).ok_or(Quality::NO_BAND)?;
-        let view = self.view(record.sample_rate_hz, baseline_count, window.ok());
+        let view = View {
+            sample_rate_hz: record.sample_rate_hz,
+            edges: self.config.band_edges,
+            quiet_count: baseline_count.filter(|_| self.config.subtract.has_noise()).unwrap_or(0),
+        };
         let moments = self.blocks.moments(&self.signal);
         let power = self.spectrum.band_power(&mut self.signal, moments, &view, &bands);
         let power = power.ok_or(Quality::NO_BAND)?;
@@ -255,24 +256,6 @@ impl<T: Real> Extractor<T> {
         hum.subtract_from(&mut self.signal);
         self.blocks.fill(&mut self.signal, sample_rate_hz, |_, _| ());
         Some(hum)
-    }
-
-    /// How to compute the signal's power, if its first `quiet` samples are noise and the areas lie in `window`.
-    fn view(&self, sample_rate_hz: f64, quiet: Option<usize>, window: Option<Window>) -> View {
-        let opens_at = |window: Window| window.onset.unwrap_or(window.ringing) - GATE_LEAD_S * sample_rate_hz;
-        let gate = |window: Window| {
-            let first = opens_at(window) as usize; // a gate that would open before the record opens with it
-            let last = first.saturating_add((self.config.gate_s * sample_rate_hz).round() as usize);
-            (last < self.signal.len()).then_some(first..last)
-        };
-        let has_gate = self.config.spectrum == SpectrumEstimator::Gate;
-        View {
-            sample_rate_hz,
-            estimator: self.config.spectrum,
-            edges: self.config.band_edges,
-            gate: window.filter(|_| has_gate).and_then(gate),
-            quiet_count: quiet.filter(|_| self.config.subtract.has_noise()).unwrap_or(0),
-        }
     }
 
     /// A_1 and A_2 of a sound that has `value` counts of a `unit` at each sample. The signal is the sound times `gain`;

@@ -19,6 +19,12 @@ pub(crate) struct Hum {
     sine: f64,
 }
 
+/// The vector (`x`, `y`), turned by `omega` from sample to sample: the error is 1e-11 after a record of 1e5.
+fn turns(omega: f64, x: f64, y: f64) -> impl Iterator<Item = (f64, f64)> {
+    let (sin, cos) = omega.sin_cos();
+    std::iter::successors(Some((x, y)), move |(x, y)| Some((x * cos - y * sin, y * cos + x * sin)))
+}
+
 impl Hum {
     /// The level and the hum of frequency `cycles_per_sample` that fit the first `count` values best.
     ///
@@ -30,12 +36,13 @@ impl Hum {
             return None;
         }
         let omega = TAU * cycles_per_sample;
+        let turns: Vec<(f64, f64)> = turns(omega, 1.0, 0.0).take(count).collect();
         // The columns 1, cos, sin are made orthogonal one after the other. A span of half a period would make their
         // normal equations nearly singular.
         let column = |k: usize, n: usize| match k {
             0 => 1.0,
-            1 => (omega * n as f64).cos(),
-            _ => (omega * n as f64).sin(),
+            1 => turns[n].0,
+            _ => turns[n].1,
         };
         let dot = |f: &dyn Fn(usize) -> f64, g: &dyn Fn(usize) -> f64| (0..count).map(|n| f(n) * g(n)).sum::<f64>();
         let one = |_: usize| 1.0;
@@ -54,12 +61,9 @@ impl Hum {
 
     /// Subtracts level and hum from every sample of `signal`.
     pub(crate) fn subtract_from<T: Real>(&self, signal: &mut [T]) {
-        // Rotated from sample to sample: the error is 1e-11 after a record of 1e5.
-        let (sin, cos) = self.omega.sin_cos();
-        let (mut x, mut y) = (self.cosine, self.sine);
-        for sample in signal {
+        // a cos + b sin is the first part of (a, -b) that turns.
+        for (sample, (x, _)) in signal.iter_mut().zip(turns(self.omega, self.cosine, -self.sine)) {
             *sample -= T::rounded(self.constant + x);
-            (x, y) = (x * cos + y * sin, y * cos - x * sin);
         }
     }
 

@@ -4,17 +4,12 @@
 //! as `scipy.signal.periodogram(x, fs, window="boxcar", detrend="constant", scaling="density")` defines it.
 //! The bin at 0 Hz, which is 0 without the mean, is in no band.
 //!
-//! Density and energy of a gate are scaled to the whole record, so that the values of different estimators compare.
-
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 mod bands;
-mod gate;
 mod noise;
 mod plans;
 pub(crate) mod transform;
-
-use std::ops::Range;
 
 use bands::{Cells, Folded, Grid};
 use plans::Plans;
@@ -22,7 +17,7 @@ use plans::Plans;
 use crate::signal::blocks::Moments;
 use crate::signal::real::sum_of;
 use crate::signal::wide::Kernel;
-use crate::{BandEdges, Real, SpectrumEstimator};
+use crate::{BandEdges, Real};
 
 pub(crate) use bands::Bands;
 
@@ -49,48 +44,28 @@ const FAINT: f64 = 1e-5;
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct View {
     pub sample_rate_hz: f64,
-    pub estimator: SpectrumEstimator,
     pub edges: BandEdges,
-    /// Samples of the gate; `None` for the whole record.
-    pub gate: Option<Range<usize>>,
     /// Number of samples, from the record's first, that give the noise to subtract; 0 to subtract none.
     pub quiet_count: usize,
 }
 
 impl View {
-    /// The whole record at `sample_rate_hz`.
+    /// A record at `sample_rate_hz`, by whole bins, from which nothing is subtracted.
     #[cfg(test)]
-    fn whole(sample_rate_hz: f64) -> Self {
-        Self { sample_rate_hz, estimator: SpectrumEstimator::Whole, edges: BandEdges::Bins, gate: None, quiet_count: 0 }
+    fn plain(sample_rate_hz: f64) -> Self {
+        Self { sample_rate_hz, edges: BandEdges::Bins, quiet_count: 0 }
     }
-}
-
-/// The two bands of a spectrum, not yet in the signal's unit.
-#[derive(Debug, Clone, Copy)]
-struct RawBands {
-    flexural: Folded,
-    reference: Folded,
-    centroid_hz: f64,
-    /// Factor from |X|^2 to a density per Hz.
-    density: f64,
-    bin_width_hz: f64,
-    /// Mean square of what was transformed, scaled to the whole record.
-    mean_square: f64,
-    /// Fraction of the record's noise that was transformed.
-    noise_share: f64,
 }
 
 /// Computes the power of records of any length; keeps the plans of the most recent lengths.
 #[derive(Debug)]
 pub(crate) struct Spectrum<T> {
     plans: Plans<T>,
-    /// What is transformed, if that is not the signal itself.
-    cut: Vec<T>,
 }
 
 impl<T: Real> Spectrum<T> {
     pub(crate) fn new() -> Self {
-        Self { plans: Plans::new(), cut: Vec::new() }
+        Self { plans: Plans::new() }
     }
 
     /// PR, P_f and E_f of `signal`, whose mean and mean square are `moments`, computed as `view` says. Overwrites the
@@ -108,65 +83,32 @@ impl<T: Real> Spectrum<T> {
             0 => None,
             count => noise::of_bands(&mut self.plans, signal.get(..count)?, view.sample_rate_hz, bands),
         };
-        let raw = match (&view.gate, view.estimator) {
-            (Some(gate), SpectrumEstimator::Gate) => self.gated(signal, gate.clone(), view, bands)?,
-            _ => self.whole(signal, moments, view, bands)?,
-        };
-        let RawBands { flexural, reference, density, bin_width_hz, .. } = raw;
-        let has_power = reference.sum > 0.0;
-        if !has_power {
-            return None;
-        }
-        let power = BandPower {
-            pr: flexural.sum / reference.sum, // Eq. 52
-            p_f: flexural.largest * density,
-            e_f: flexural.sum * density * bin_width_hz,
-            centroid_hz: raw.centroid_hz,
-            // E_f is the band's part of the mean square (Parseval).
-            is_faint: flexural.sum * density * bin_width_hz < FAINT * raw.mean_square,
-        };
-        match noise {
-            None => Some(power),
-            Some(noise) => noise.subtracted(&power, raw.noise_share, reference.sum * density * bin_width_hz),
-        }
-    }
-
-    fn whole(&mut self, signal: &mut [T], moments: Moments, view: &View, bands: &Bands) -> Option<RawBands> {
         let count = signal.len();
         let grid = Grid::new(count, view.sample_rate_hz);
         let (flexural, reference) = cells(&grid, view.edges, bands)?;
         let mean_square = square_about_mean(signal, moments);
         let powers = self.plans.powers(signal, end(&flexural, &reference));
-        Some(RawBands {
-            centroid_hz: centroid_hz(&grid, &reference, powers, count),
-            flexural: grid.fold(flexural, powers),
-            reference: grid.fold(reference, powers),
-            // |X|^2 / (fs N) is a density, V^2/Hz (Eq. 50).
-            density: 1.0 / (view.sample_rate_hz * count as f64),
-            bin_width_hz: grid.bin_width_hz(),
-            mean_square,
-            noise_share: 1.0,
-        })
-    }
-
-    /// Transforms the samples in `gate` alone. The bins follow from the transform's own length, the density from the
-    /// record's: |X|^2 of a transient does not depend on how much silence is transformed with it.
-    fn gated(&mut self, signal: &[T], gate: Range<usize>, view: &View, bands: &Bands) -> Option<RawBands> {
-        let noise_samples = gate::cut(signal.get(gate)?, &mut self.cut);
-        let (whole, count) = (signal.len() as f64, self.cut.len());
-        let grid = Grid::new(count, view.sample_rate_hz);
-        let (flexural, reference) = cells(&grid, view.edges, bands)?;
-        let mean_square = sum_of(&self.cut, |x| x * x) / whole;
-        let powers = self.plans.powers(&mut self.cut, end(&flexural, &reference));
-        Some(RawBands {
-            centroid_hz: centroid_hz(&grid, &reference, powers, count),
-            flexural: grid.fold(flexural, powers),
-            reference: grid.fold(reference, powers),
-            density: 1.0 / (view.sample_rate_hz * whole),
-            bin_width_hz: grid.bin_width_hz(),
-            mean_square,
-            noise_share: noise_samples / whole,
-        })
+        let centroid_hz = centroid_hz(&grid, &reference, powers, count);
+        let (flexural, reference) = (grid.fold(flexural, powers), grid.fold(reference, powers));
+        let has_power = reference.sum > 0.0;
+        if !has_power {
+            return None;
+        }
+        // |X|^2 / (fs N) is a density, V^2/Hz (Eq. 50).
+        let density = 1.0 / (view.sample_rate_hz * count as f64);
+        // The band's part of the mean square (Parseval).
+        let energy = |band: Folded| band.sum * density * grid.bin_width_hz();
+        let power = BandPower {
+            pr: flexural.sum / reference.sum, // Eq. 52
+            p_f: flexural.largest * density,
+            e_f: energy(flexural),
+            centroid_hz,
+            is_faint: energy(flexural) < FAINT * mean_square,
+        };
+        match noise {
+            None => Some(power),
+            Some(noise) => noise.subtracted(&power, energy(reference)),
+        }
     }
 }
 
@@ -292,7 +234,7 @@ mod tests {
             let rate = 10.0 * f64::from(count); // bins of 10 Hz
             let signal: Vec<f64> =
                 (0..count).map(|i| 7.0 + 3.0 * (2.0 * PI * 100.0 * f64::from(i) / f64::from(count)).sin()).collect();
-            let power = band_power(signal, &View::whole(rate), &BANDS).unwrap();
+            let power = band_power(signal, &View::plain(rate), &BANDS).unwrap();
             assert!((power.pr - 1.0).abs() < 1e-12, "{power:?}");
             assert!((power.e_f - 4.5).abs() < 1e-9, "{power:?}");
             assert!((power.p_f - 0.45).abs() < 1e-9, "{power:?}");
@@ -307,7 +249,7 @@ mod tests {
             let signal = noise(count);
             let mean = signal.iter().sum::<f64>() / count as f64;
             let variance = signal.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count as f64;
-            let power = band_power(signal, &View::whole(5000.0), &EVERYTHING).unwrap();
+            let power = band_power(signal, &View::plain(5000.0), &EVERYTHING).unwrap();
             assert!((power.e_f / variance - 1.0).abs() < 1e-12, "{count}: {} {variance}", power.e_f);
         }
     }
@@ -320,7 +262,7 @@ mod tests {
             [(550.0, 1.0), (2000.0, 1.0), (540.0, 0.0), (2010.0, 0.0), (70.0, 0.0), (3000.0, 0.0)]
         {
             let signal: Vec<f64> = (0..count).map(|i| (2.0 * PI * tone_hz * f64::from(i) / rate).cos()).collect();
-            let power = band_power(signal, &View::whole(rate), &BANDS).unwrap();
+            let power = band_power(signal, &View::plain(rate), &BANDS).unwrap();
             assert!((power.pr - expected).abs() < 1e-9, "{tone_hz} Hz: {}", power.pr);
         }
     }
@@ -332,7 +274,7 @@ mod tests {
         let tone: Vec<f64> = noise(4096).iter().enumerate().map(|(i, x)| x + (0.3 * i as f64).sin()).collect();
         let mean = tone.iter().sum::<f64>() / 4096.0;
         let mean_square = tone.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / 4096.0;
-        let view = View::whole(40_960.0);
+        let view = View::plain(40_960.0);
         let expected = band_power(tone.clone(), &view, &BANDS).unwrap();
         for offset in [0.0, 0.2, 0.7, 0.8, 30.0, 1000.0] {
             let single: Vec<f32> = tone.iter().map(|x| (x + offset) as f32).collect();
@@ -349,9 +291,9 @@ mod tests {
     /// Catches a value invented where there are no bins or no power.
     #[test]
     fn empty_bands() {
-        assert_eq!(band_power(noise(16), &View::whole(40_960.0), &BANDS), None);
-        assert_eq!(band_power(noise(1000), &View::whole(100.0), &BANDS), None);
-        assert_eq!(band_power(vec![0.0_f32; 1000], &View::whole(40_960.0), &BANDS), None);
-        assert_eq!(band_power(vec![1.0_f32], &View::whole(40_960.0), &EVERYTHING), None);
+        assert_eq!(band_power(noise(16), &View::plain(40_960.0), &BANDS), None);
+        assert_eq!(band_power(noise(1000), &View::plain(100.0), &BANDS), None);
+        assert_eq!(band_power(vec![0.0_f32; 1000], &View::plain(40_960.0), &BANDS), None);
+        assert_eq!(band_power(vec![1.0_f32], &View::plain(40_960.0), &EVERYTHING), None);
     }
 }

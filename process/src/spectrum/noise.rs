@@ -50,12 +50,12 @@ pub(super) fn of_bands<T: Real>(
 }
 
 impl Noise {
-    /// `power` less the fraction `share` of the noise; `reference` is the mean square of the reference band. `None` if
-    /// either band, or the largest density, is no more than noise.
-    pub(super) fn subtracted(&self, power: &BandPower, share: f64, reference: f64) -> Option<BandPower> {
-        let flexural = power.e_f - share * self.flexural;
-        let reference = reference - share * self.reference;
-        let p_f = power.p_f - share * self.density;
+    /// `power` less the noise; `reference` is the mean square of the reference band. `None` if either band, or the
+    /// largest density, is no more than noise.
+    pub(super) fn subtracted(&self, power: &BandPower, reference: f64) -> Option<BandPower> {
+        let flexural = power.e_f - self.flexural;
+        let reference = reference - self.reference;
+        let p_f = power.p_f - self.density;
         let is_left = flexural > 0.0 && reference > 0.0 && p_f > 0.0;
         is_left.then_some(BandPower { pr: flexural / reference, p_f, e_f: flexural, ..*power })
     }
@@ -84,15 +84,15 @@ mod tests {
         assert_eq!(of_bands(&mut Plans::new(), &samples[..31], 10_000.0, &bands), None);
     }
 
-    /// Catches values below zero, and a forgotten fraction of the noise.
+    /// Catches values below zero, and noise that is subtracted from one of them alone.
     #[test]
     fn no_more_than_noise_is_nothing() {
         let noise = Noise { flexural: 1.0, reference: 2.0, density: 0.1 };
         let power = BandPower { pr: 0.5, p_f: 1.0, e_f: 3.0, centroid_hz: 9.0, is_faint: false };
-        let found = noise.subtracted(&power, 0.5, 5.0).unwrap();
-        assert_eq!((found.pr, found.p_f, found.e_f), (2.5 / 4.0, 0.95, 2.5));
-        assert_eq!(noise.subtracted(&power, 3.0, 9.0), None);
-        assert_eq!(noise.subtracted(&power, 1.0, 2.0), None);
-        assert_eq!(noise.subtracted(&BandPower { p_f: 0.1, ..power }, 1.0, 5.0), None);
+        let found = noise.subtracted(&power, 6.0).unwrap();
+        assert_eq!((found.pr, found.p_f, found.e_f), (2.0 / 4.0, 0.9, 2.0));
+        assert_eq!(noise.subtracted(&BandPower { e_f: 1.0, ..power }, 9.0), None);
+        assert_eq!(noise.subtracted(&power, 2.0), None);
+        assert_eq!(noise.subtracted(&BandPower { p_f: 0.1, ..power }, 5.0), None);
     }
 }

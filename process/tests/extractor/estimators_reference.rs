@@ -106,56 +106,6 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; Discriminator::COUNT])] = &
         Some(0.004888304570913424), // e_f
         Some(654.1690462959912), // centroid
     ]),
-    (Case { name: "spectrum = 'gate'", seed: 1, rate: 40960.0, count: 16384, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "spectrum = 'gate'", [
-        Some(30.976362171822498), // f_max
-        Some(0.0010136580384836477), // tau
-        Some(0.0006041437013972598), // a_1
-        Some(0.00296505434694269), // a_2
-        Some(0.5046349042498813), // pr
-        Some(1.4181050131227317e-05), // p_f
-        Some(0.0012202039396411843), // e_f
-        Some(657.0578322971703), // centroid
-    ]),
-    (Case { name: "spectrum = 'gate'\ngate_s = 0.04\nband_edges = 'fractional'", seed: 17, rate: 41000.0, count: 16384, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.02, f_lo: 70.0, follow: false }, "spectrum = 'gate'\ngate_s = 0.04\nband_edges = 'fractional'", [
-        Some(30.919286773824382), // f_max
-        Some(0.0010155099685515093), // tau
-        Some(0.0006065470794836729), // a_1
-        Some(0.004465493363960838), // a_2
-        Some(0.5072364854634456), // pr
-        Some(1.3942024625198395e-05), // p_f
-        Some(0.0012292574759715904), // e_f
-        Some(660.11861916529), // centroid
-    ]),
-    (Case { name: "spectrum = 'gate'\ngate_s = 0.03", seed: 18, rate: 40960.0, count: 4096, p: 400, is_i16: true, has_force: false, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.00677490234375, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "spectrum = 'gate'\ngate_s = 0.03", [
-        None, // f_max
-        None, // tau
-        None, // a_1
-        Some(0.0034642815589904785), // a_2
-        Some(0.514822047242388), // pr
-        Some(5.449774509344806e-05), // p_f
-        Some(0.004892709553158105), // e_f
-        Some(665.8735856620762), // centroid
-    ]),
-    (Case { name: "spectrum = 'gate'", seed: 1, rate: 40960.0, count: 4096, p: 0, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "spectrum = 'gate'", [
-        None, // f_max
-        None, // tau
-        None, // a_1
-        None, // a_2
-        Some(0.5028569482385515), // pr
-        Some(5.6891486353840354e-05), // p_f
-        Some(0.004888755725512045), // e_f
-        Some(654.1243935933127), // centroid
-    ]),
-    (Case { name: "spectrum = 'gate'", seed: 1, rate: 40960.0, count: 1024, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "spectrum = 'gate'", [
-        Some(30.976362171822498), // f_max
-        Some(0.0010136580384836477), // tau
-        Some(0.0006042645107736651), // a_1
-        Some(0.0019134276217930696), // a_2
-        Some(0.5129363603074101), // pr
-        Some(0.0001817130022303319), // p_f
-        Some(0.019378461911658082), // e_f
-        Some(660.1789673150215), // centroid
-    ]),
     (Case { name: "band_edges = 'fractional'", seed: 1, rate: 41000.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "band_edges = 'fractional'", [
         Some(30.976251773267098), // f_max
         Some(0.001013648888979462), // tau
@@ -165,6 +115,26 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; Discriminator::COUNT])] = &
         Some(5.7069075280098085e-05), // p_f
         Some(0.004883872014814989), // e_f
         Some(656.6689248811286), // centroid
+    ]),
+    (Case { name: "record_s = 0.05", seed: 18, rate: 40960.0, count: 4096, p: 400, is_i16: true, has_force: false, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.00677490234375, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "record_s = 0.05", [
+        None, // f_max
+        None, // tau
+        None, // a_1
+        Some(0.0032814480364322662), // a_2
+        Some(0.504733181196535), // pr
+        Some(0.00011324241823426338), // p_f
+        Some(0.009761371442157081), // e_f
+        Some(657.0150551382334), // centroid
+    ]),
+    (Case { name: "record_s = 0.1\nband_edges = 'fractional'", seed: 17, rate: 41000.0, count: 16384, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.02, f_lo: 70.0, follow: false }, "record_s = 0.1\nband_edges = 'fractional'", [
+        Some(30.919286773824382), // f_max
+        Some(0.0010155099685515093), // tau
+        Some(0.0006065470794836729), // a_1
+        Some(0.0029611499400272277), // a_2
+        Some(0.5064195225058912), // pr
+        Some(5.6555071475330086e-05), // p_f
+        Some(0.004916064166938875), // e_f
+        Some(659.7705913958409), // centroid
     ]),
     (Case { name: "band_edges = 'fractional'", seed: 1, rate: 40960.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 0.0, follow: false }, "band_edges = 'fractional'", [
         Some(30.976362171822498), // f_max
@@ -186,15 +156,15 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; Discriminator::COUNT])] = &
         Some(0.0012276246492882992), // e_f
         Some(667.2752075990323), // centroid
     ]),
-    (Case { name: "subtract = 'noise'\nspectrum = 'gate'", seed: 22, rate: 40960.0, count: 16384, p: 400, is_i16: true, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.00677490234375, offset: 0.0, noise: 0.03, f_lo: 70.0, follow: false }, "subtract = 'noise'\nspectrum = 'gate'", [
+    (Case { name: "subtract = 'noise'\nrecord_s = 0.05", seed: 22, rate: 40960.0, count: 16384, p: 400, is_i16: true, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.00677490234375, offset: 0.0, noise: 0.03, f_lo: 70.0, follow: false }, "subtract = 'noise'\nrecord_s = 0.05", [
         Some(31.265120442708334), // f_max
         Some(0.001017353582269186), // tau
         Some(0.0006018481654034287), // a_1
-        Some(0.0028453280340818635), // a_2
-        Some(0.5053862718038337), // pr
-        Some(1.4177094238521085e-05), // p_f
-        Some(0.0012211467778169096), // e_f
-        Some(659.5038663661077), // centroid
+        Some(0.0026332214553778594), // a_2
+        Some(0.5050510706325938), // pr
+        Some(0.00011312738945193613), // p_f
+        Some(0.00976414925845025), // e_f
+        Some(659.2624253939446), // centroid
     ]),
     (Case { name: "subtract = 'hum'", seed: 23, rate: 40960.0, count: 4096, p: 400, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.2, noise: 0.002, f_lo: 70.0, follow: false }, "subtract = 'hum'", [
         Some(30.990249759536525), // f_max
@@ -206,15 +176,15 @@ pub(crate) const CASES: &[(Case, &str, [Option<f64>; Discriminator::COUNT])] = &
         Some(0.004886790186916464), // e_f
         Some(654.1512259719251), // centroid
     ]),
-    (Case { name: "subtract = 'both'\nmains_hz = 60.0\nspectrum = 'gate'\nband_edges = 'fractional'", seed: 24, rate: 40960.0, count: 16384, p: 400, is_i16: true, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.00677490234375, offset: 0.0, noise: 0.02, f_lo: 70.0, follow: false }, "subtract = 'both'\nmains_hz = 60.0\nspectrum = 'gate'\nband_edges = 'fractional'", [
+    (Case { name: "subtract = 'both'\nmains_hz = 60.0\nrecord_s = 0.05\nband_edges = 'fractional'", seed: 24, rate: 40960.0, count: 16384, p: 400, is_i16: true, has_force: true, sound_first: false, distance: 0.0, onset: 401.37, tau: 0.0011, f_max: 31.0, sound_unit: 0.000152587890625, force_unit: 0.00677490234375, offset: 0.0, noise: 0.02, f_lo: 70.0, follow: false }, "subtract = 'both'\nmains_hz = 60.0\nrecord_s = 0.05\nband_edges = 'fractional'", [
         Some(30.7987060546875), // f_max
         Some(0.0010148032005137086), // tau
         Some(0.0006044751559633775), // a_1
-        Some(0.0029163834647264572), // a_2
-        Some(0.504148425756965), // pr
-        Some(1.4155862500624375e-05), // p_f
-        Some(0.0012191527193195044), // e_f
-        Some(657.1326058144509), // centroid
+        Some(0.0026338684598366966), // a_2
+        Some(0.5041637511097014), // pr
+        Some(0.00011259210086861593), // p_f
+        Some(0.009751590143172121), // e_f
+        Some(657.1560440943423), // centroid
     ]),
     (Case { name: "subtract = 'hum'", seed: 1, rate: 40960.0, count: 4096, p: 100, is_i16: false, has_force: true, sound_first: false, distance: 0.0, onset: 101.0, tau: 0.0011, f_max: 31.0, sound_unit: 1.0, force_unit: 1.0, offset: 0.0, noise: 0.002, f_lo: 70.0, follow: false }, "subtract = 'hum'", [
         Some(31.005857920165486), // f_max

@@ -59,7 +59,7 @@ fn whole(mut header: TapHeader, total: usize) -> TapHeader {
 
 /// Configurations that together use every estimator that is not the default.
 const OTHERS: [&str; 3] = [
-    "f_max = 'polynomial'\ntau = 'impulse'\nspectrum = 'gate'\ngate_s = 0.01\nsubtract = 'both'\nband_edges = 'fractional'",
+    "f_max = 'polynomial'\ntau = 'impulse'\nsubtract = 'both'\nband_edges = 'fractional'",
     "f_max = 'raw'\ntau = 'width_02'\nsubtract = 'noise'\ndroop_time_constant_s = 0.01",
     "f_max = 'raw'\ntau = 'width_50'\nsubtract = 'hum'\nmains_hz = 900.0\ndroop_time_constant_s = 1e-9\nf_lo_hz = 0.0",
 ];

@@ -6,7 +6,7 @@ use anyhow::{Context as _, Result};
 use serde::Deserialize;
 use tapline_acquire::{Source as _, TapSet};
 use tapline_fuse::{FuseConfig, Fusion, IndexKind};
-use tapline_process::{Precision, ProcessConfig, ProcessExtractor, SpectrumEstimator};
+use tapline_process::{Precision, ProcessConfig, ProcessExtractor};
 use tapline_wire::{CacheLine, Discriminators, Plan, Samples, TapHeader, cache_lines_for};
 
 use super::Entry;
@@ -68,7 +68,7 @@ struct Way {
     change: fn(&mut Config, record_s: f64),
 }
 
-const WAYS: [Way; 7] = [
+const WAYS: [Way; 6] = [
     Way { label: "as shipped", name: "the configuration that ships", family: 0, change: |_, _| () },
     Way {
         label: "f64",
@@ -95,18 +95,9 @@ const WAYS: [Way; 7] = [
         change: |config, record_s| config.process.record_s = 0.375 * record_s,
     },
     Way {
-        label: "gate",
-        name: "a gate of a quarter of the record",
-        family: 2,
-        change: |config, record_s| {
-            config.process.spectrum = SpectrumEstimator::Gate;
-            config.process.gate_s = 0.25 * record_s;
-        },
-    },
-    Way {
         label: "Eqs. 55-56",
         name: "the dissertation's index",
-        family: 3,
+        family: 2,
         change: |config, _| config.fuse.index = IndexKind::Dissertation,
     },
 ];
@@ -202,7 +193,7 @@ fn facet(bench: &Bench, slab: &Slab, taps: &Taps) -> Result<Facet> {
         tolerance: Tolerance { cost: 0.15, error: 0.003 },
         truth: slab.truth.to_owned(),
         seeds: Vec::new(),
-        families: vec!["precision", "part of the record", "gate", "the dissertation's index"],
+        families: vec!["precision", "part of the record", "the dissertation's index"],
         guides: Vec::new(),
         points: points.collect::<Result<_>>()?,
     })
