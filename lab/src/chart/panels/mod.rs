@@ -30,12 +30,13 @@ pub(crate) struct Entry {
 }
 
 /// All panels, in the order of the page: what a scan costs and finds comes first, then what each part of it does.
-pub(crate) const PANELS: [Entry; 10] = [
+pub(crate) const PANELS: [Entry; 11] = [
     plans::ENTRY,
     recording::ENTRY,
     references::ENTRY,
     index::ENTRY,
     slabs::ENTRY,
+    recording::settings::ENTRY,
     spectrum::ENTRY,
     force::ENTRY,
     contact::ENTRY,

@@ -65,23 +65,14 @@ impl Way {
 
 fn measure(bench: &Bench) -> Result<Panel> {
     let (peaks, times) = (ways(Discriminator::FMax), ways(Discriminator::Tau));
-    // The default is in both lists; once is enough.
-    let all: Vec<Way> = times.iter().chain(peaks.iter().filter(|way| !way.is_default())).copied().collect();
-    let of_all = costs(bench, &all)?;
-    let costs_of = |ways: &[Way]| -> Vec<Cost> {
-        let is_same = |a: &Way, b: &Way| (a.config.f_max, a.config.tau) == (b.config.f_max, b.config.tau);
-        ways.iter().filter_map(|way| Some(of_all[all.iter().position(|other| is_same(way, other))?])).collect()
-    };
-    let of_times = costs_of(&times);
+    let of_times = costs(bench, &times)?;
     let mut facets = vec![
-        against_truth(bench, ("f_max", "Peak force, noise of 1 % of the peak"), &peaks, &costs_of(&peaks))?,
+        against_truth(bench, ("f_max", "Peak force, noise of 1 % of the peak"), &peaks, &costs(bench, &peaks)?)?,
         against_truth(bench, ("tau", "Contact time, noise of 1 % of the peak"), &times, &of_times)?,
     ];
     bench.progress.at(0.2);
     for (number, simulator) in Simulator::ALL.into_iter().enumerate() {
-        let found = detection::found(bench, simulator, &all)?;
-        facets.push(detection::alone(bench, simulator, &times, &of_times, &found)?);
-        facets.push(detection::index(bench, simulator, &all, &of_all, &found)?);
+        facets.push(detection::alone(bench, simulator, &times, &of_times)?);
         bench.progress.at(0.6 + 0.4 * number as f64);
     }
     Ok(Panel {
@@ -94,8 +85,8 @@ fn measure(bench: &Bench) -> Result<Panel> {
                 .to_owned(),
             "Every estimator of tau gives a skewed pulse a shorter duration than its contact, always by the same part. That is most of \
              the error here, and does not matter to an index, which compares with the rest of the ring. So detection is shown beside \
-             it, on casings with faint cracks tapped twice at the belt edge: tau alone, mean of three neighbours, and the default index \
-             with one estimator changed."
+             it, on casings with faint cracks tapped twice at the belt edge: tau alone, mean of three neighbours. What the index finds by \
+             each is in the panel `settings`."
                 .to_owned(),
         ],
         facets,

@@ -2,6 +2,7 @@
 
 mod readings;
 mod scenes;
+pub(super) mod settings;
 mod table;
 
 use anyhow::{Context as _, Result};
@@ -15,6 +16,9 @@ use crate::chart::panel::{Facet, Panel, Quantity};
 use crate::chart::point::{Cost, Error, Failure, Point};
 use crate::evaluation::Areas;
 use crate::simulated::Simulator;
+
+/// What loss of detection, and what part of a cost, counts as a difference.
+const TOLERANCE: Tolerance = Tolerance { cost: 0.15, error: 0.003 };
 
 pub(super) const ENTRY: Entry = Entry {
     name: "recording",
@@ -120,7 +124,10 @@ fn facet(bench: &Bench, simulator: Simulator, what: What, points: Vec<Point>) ->
         (Simulator::Model, What::Time) => ("model-time", "Length by processor time, simulator model"),
         (Simulator::Model, What::Converter) => ("model-converter", "Sample rate and bits, simulator model"),
     };
-    let families = if what == What::Converter { readings::CONVERTER_FAMILIES } else { readings::LENGTH_FAMILIES };
+    let families = match what {
+        What::Converter => readings::CONVERTER_FAMILIES.to_vec(),
+        What::Bytes | What::Time => readings::LENGTH_FAMILIES.to_vec(),
+    };
     Facet {
         name,
         title: title.to_owned(),
@@ -129,10 +136,10 @@ fn facet(bench: &Bench, simulator: Simulator, what: What, points: Vec<Point>) ->
             What::Bytes | What::Converter => Quantity::log("Archived a tap, packed with lz4", "KiB"),
         },
         error: Quantity::log("Loss of detection, 1 \u{2212} AUC", ""),
-        tolerance: Tolerance { cost: 0.15, error: 0.003 },
+        tolerance: TOLERANCE,
         truth: "the cracks that were planted".to_owned(),
         seeds: bench.seeds().collect(),
-        families: families.to_vec(),
+        families,
         guides: Vec::new(),
         points,
     }

@@ -4,7 +4,7 @@ use anyhow::{Context as _, Result};
 use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
 use tapline_codec::{Codec, pack};
 use tapline_model::SimulationConfig;
-use tapline_process::{ProcessConfig, ProcessExtractor, SpectrumEstimator};
+use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_wire::{CacheLine, Samples, TapHeader, cache_lines_for};
 
 use crate::chart::Bench;
@@ -28,10 +28,16 @@ const CONVERTER_S: f64 = 0.1;
 const BITS: [u32; 4] = [14, 12, 10, 8];
 const RATES_HZ: [f64; 3] = [20_480.0, 81_920.0, 10_240.0];
 
-/// Families of the ways to read.
-pub(super) const LENGTH_FAMILIES: [&str; 2] = ["length of the record", "gate of 50 ms"];
+/// Family of the lengths.
+pub(super) const LENGTH_FAMILIES: [&str; 1] = ["length of the record"];
 /// Families of the converters.
 pub(super) const CONVERTER_FAMILIES: [&str; 2] = ["sample rate, 16 bits", "bits, 41 kHz"];
+
+/// Length of the rig's records.
+fn default_record_s() -> f64 {
+    let rig = SimulationConfig::default();
+    f64::from(rig.sample_count) / rig.sample_rate_hz
+}
 
 /// A way to record and to read.
 #[derive(Debug, Clone)]
@@ -59,12 +65,21 @@ impl Heard {
         }
     }
 
-    /// Lengths of a record, and a gate.
+    /// The rig's default records, read by `process`.
+    pub(super) fn changed((name, label, family): (&str, &str, usize), process: ProcessConfig) -> Self {
+        Self {
+            name: name.to_owned(),
+            label: label.to_owned(),
+            family,
+            is_default: process == ProcessConfig::default(),
+            reading: Reading { process, ..Reading::default() },
+            ..Self::plain(default_record_s())
+        }
+    }
+
+    /// Lengths of a record.
     pub(super) fn lengths() -> Vec<Self> {
-        let plain = Self::plain(RECORD_S);
-        let process = |process: ProcessConfig| Reading { process, ..Reading::default() };
-        let rig = SimulationConfig::default();
-        let default_s = f64::from(rig.sample_count) / rig.sample_rate_hz;
+        let default_s = default_record_s();
         let length = |record_s: f64| {
             // Of the longest record all is read.
             let record_used_s = if record_s < RECORD_S { record_s } else { 0.0 };
@@ -72,18 +87,14 @@ impl Heard {
                 name: format!("records of {record_s} s"),
                 label: format!("{record_s} s"),
                 is_default: (record_s - default_s).abs() < 1e-9,
-                reading: process(ProcessConfig { record_s: record_used_s, ..ProcessConfig::default() }),
-                ..plain.clone()
+                reading: Reading {
+                    process: ProcessConfig { record_s: record_used_s, ..ProcessConfig::default() },
+                    ..Reading::default()
+                },
+                ..Self::plain(RECORD_S)
             }
         };
-        let gate = Self {
-            name: format!("a gate of 50 ms, records of {RECORD_S} s"),
-            label: "gate".to_owned(),
-            family: 1,
-            reading: process(ProcessConfig { spectrum: SpectrumEstimator::Gate, ..ProcessConfig::default() }),
-            ..plain.clone()
-        };
-        LENGTHS_S.into_iter().map(length).chain([gate]).collect()
+        LENGTHS_S.into_iter().map(length).collect()
     }
 
     /// Rates and bits of the converter; a short chart tries one other rate.
