@@ -37,19 +37,23 @@ const BESIDE: usize = 16;
 
 /// Whether the signal of `extent` around `base` is flat at its top or at its bottom.
 pub(crate) fn is_clipped<C: Count>(samples: &[C], extent: Extent<C>, base: f64, noise: f64) -> bool {
-    let is_flat =
-        |level| position(samples, level, 0).is_some_and(|at| is_flat(samples, at, extent, base, (noise, OF_RINGING)));
+    let is_flat_at = |at| is_flat(samples, at, extent, base, (noise, OF_RINGING));
+    let is_flat = |level| is_extreme(level, extent, base) && position(samples, level, 0).is_some_and(is_flat_at);
     is_flat(extent.largest) || is_flat(extent.least)
+}
+
+/// Whether `level` is so far from `base` that the signal may be cut off there.
+fn is_extreme<C: Count>(level: C, extent: Extent<C>, base: f64) -> bool {
+    let (above, below) = (extent.largest.into() - base, base - extent.least.into());
+    let greater = if above > below { above } else { below };
+    (level.into() - base).abs() >= SHARE * greater
 }
 
 /// Whether the signal is cut off at the extreme that it first reaches `at` this sample: by the converter, or by what is in
 /// front of it, before `noise` was added.
 pub(crate) fn is_flat<C: Count>(samples: &[C], at: usize, extent: Extent<C>, base: f64, noise: (f64, Leaving)) -> bool {
     let level = samples[at];
-    let (above, below) = (extent.largest.into() - base, base - extent.least.into());
-    let greater = if above > below { above } else { below };
-    let is_extreme = (level.into() - base).abs() >= SHARE * greater;
-    if !is_extreme || extent.is_constant() {
+    if !is_extreme(level, extent, base) || extent.is_constant() {
         return false;
     }
     let mut found = Some(at);

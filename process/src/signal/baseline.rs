@@ -1,5 +1,8 @@
 //! The level of a channel before the impact, and its scatter.
 
+#[cfg(target_arch = "x86_64")]
+use pulp::x86::V4;
+
 use crate::signal::record::{Count, Key};
 use crate::signal::wide::Kernel;
 
@@ -35,96 +38,96 @@ impl Medians {
     fn middle<C: Count>(&mut self, samples: &[C], key: impl Fn(C) -> C::Key, from_key: impl Fn(C::Key) -> f64) -> f64 {
         self.keys.resize(samples.len(), 0);
         let keys = &mut bytemuck::cast_slice_mut(&mut self.keys)[..samples.len()];
-        Keys { samples, key, keys: &mut *keys }.wide();
-        Middle { keys }.wide().map_or(0.0, |(lower, upper)| f64::midpoint(from_key(lower), from_key(upper)))
+        let middle = Middle { samples, key, keys }.wide();
+        middle.map_or(0.0, |(lower, upper)| f64::midpoint(from_key(lower), from_key(upper)))
     }
 }
 
-/// Fills `keys` with the `key` of each sample.
-struct Keys<'a, C: Count, F> {
+/// The middle two of the `samples` by their `key`, equal if their number is odd; `None` if there are none. Fills `keys`.
+///
+/// Counting the keys below a value uses vectors, where sorting needs comparisons: the range of the median is quartered
+/// up to 16 times.
+struct Middle<'a, C: Count, F> {
     samples: &'a [C],
     key: F,
     keys: &'a mut [C::Key],
 }
 
-impl<C: Count, F: Fn(C) -> C::Key> Kernel for Keys<'_, C, F> {
-    type Output = ();
+impl<C: Count, F: Fn(C) -> C::Key> Kernel for Middle<'_, C, F> {
+    type Output = Option<(C::Key, C::Key)>;
 
     #[inline(always)]
-    fn run(self) {
-        for (to, &x) in self.keys.iter_mut().zip(self.samples) {
-            *to = (self.key)(x);
-        }
+    fn run(self) -> Self::Output {
+        self.find(counts)
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[inline(always)]
+    fn run_with_masks(self, simd: V4) -> Self::Output {
+        self.find(|keys, at| C::Key::counts(simd, keys, at))
     }
 }
 
-/// The middle two of `keys`, equal if their number is odd; `None` if there are none.
-///
-/// Counting the keys below a value uses vectors, where sorting needs comparisons: the range of the median is quartered
-/// up to 16 times.
-struct Middle<'a, K> {
-    keys: &'a [K],
-}
-
-impl<K: Key> Kernel for Middle<'_, K> {
-    type Output = Option<(K, K)>;
-
+impl<C: Count, F: Fn(C) -> C::Key> Middle<'_, C, F> {
+    /// The middle two; `counts` says for each of three values how many keys do not exceed it.
     #[inline(always)]
-    fn run(self) -> Option<(K, K)> {
-        let first = *self.keys.first()?;
+    fn find(self, counts: impl Fn(&[C::Key], [C::Key; 3]) -> [usize; 3]) -> Option<(C::Key, C::Key)> {
+        let Self { samples, key, keys } = self;
+        let first = key(*samples.first()?);
         let (mut low, mut high) = (first, first);
-        for &key in self.keys {
+        for (to, &x) in keys.iter_mut().zip(samples) {
+            let key = key(x);
+            *to = key;
             low = low.min(key);
             high = high.max(key);
         }
+        let keys = &*keys;
         let least = low;
         // The upper of the two is the least value that more than half of the keys do not exceed.
-        let half = self.keys.len() / 2;
+        let half = keys.len() / 2;
         // How many keys are below `low`.
         let mut below = 0;
         while low < high {
             let (from, to) = (low.into(), high.into());
             let step = (to - from) / 4 + 1;
             // The last values of all quarters but the last; a quarter beyond the range is empty.
-            let at = [1, 2, 3].map(|quarter| K::try_from(from + quarter * step - 1).unwrap_or(high));
-            let counts = self.counts(at);
+            let at = [1, 2, 3].map(|quarter| C::Key::try_from(from + quarter * step - 1).unwrap_or(high));
+            let counts = counts(keys, at);
             // Arithmetic instead of branches, which could not be predicted.
             let quarter: i64 = counts.map(|count| i64::from(count <= half)).iter().sum();
             below = counts.into_iter().fold(below, |below, count| if count <= half { count } else { below });
             let from = from + quarter * step;
             let last = from + step - 1;
-            (low, high) =
-                (K::try_from(from).unwrap_or(high), K::try_from(if last < to { last } else { to }).unwrap_or(high));
+            let (first, last) = (C::Key::try_from(from), C::Key::try_from(if last < to { last } else { to }));
+            (low, high) = (first.unwrap_or(high), last.unwrap_or(high));
         }
         let upper = low;
-        if !self.keys.len().is_multiple_of(2) || below < half {
+        if !keys.len().is_multiple_of(2) || below < half {
             return Some((upper, upper));
         }
         let mut lower = least;
-        for &key in self.keys {
+        for &key in keys {
             lower = lower.max(if key < upper { key } else { least });
         }
         Some((lower, upper))
     }
 }
 
-impl<K: Key> Middle<'_, K> {
-    /// For each of the values `at`, how many keys do not exceed it.
-    #[inline(always)]
-    fn counts(&self, at: [K; 3]) -> [usize; 3] {
-        let mut counts = [0; 3];
-        // Counted in keys, so that both have lanes of one width.
-        for keys in self.keys.chunks(K::MAX) {
-            let mut of_chunk = [K::from(false); 3];
-            for &key in keys {
-                for (count, at) in of_chunk.iter_mut().zip(at) {
-                    *count += K::from(key <= at);
-                }
+/// For each of the values `at`, how many `keys` do not exceed it.
+#[inline(always)]
+fn counts<K: Key>(keys: &[K], at: [K; 3]) -> [usize; 3] {
+    let mut counts = [0; 3];
+    // Counted in keys, so that both have lanes of one width.
+    for keys in keys.chunks(K::MAX) {
+        let mut of_chunk = [K::from(false); 3];
+        for &key in keys {
+            for (count, at) in of_chunk.iter_mut().zip(at) {
+                *count += K::from(key <= at);
             }
-            counts.iter_mut().zip(of_chunk).for_each(|(count, of_chunk)| *count += of_chunk.into() as usize);
         }
-        counts
+        counts.iter_mut().zip(of_chunk).for_each(|(count, of_chunk)| *count += of_chunk.into() as usize);
     }
+    counts
 }
 
 #[cfg(test)]
@@ -133,6 +136,18 @@ mod tests {
 
     use super::*;
     use crate::signal::wide::in_all_vectors;
+
+    fn middle<C: Count, F: Fn(C) -> C::Key>(samples: &[C], key: F) -> Middle<'_, C, F> {
+        Middle { samples, key, keys: vec![bytemuck::Zeroable::zeroed(); samples.len()].leak() }
+    }
+
+    /// Floats that have the bits of `keys`, and a key's.
+    fn as_floats(keys: &[i32]) -> Vec<f32> {
+        keys.iter().map(|&key| f32::from_bits(key as u32)).collect()
+    }
+    fn of_float(x: f32) -> i32 {
+        x.to_bits() as i32
+    }
 
     /// Catches floor(0.75 p) computed as 3 floor(p / 4), or past the end of what a record has.
     #[test]
@@ -185,9 +200,10 @@ mod tests {
             let mut sorted = keys.clone();
             sorted.sort_unstable();
             let expected = (sorted[(keys.len() - 1) / 2], sorted[keys.len() / 2]);
-            prop_assert_eq!((Middle { keys: &keys }).wide(), Some(expected));
+            prop_assert_eq!(middle(&keys, |x: i16| x).wide(), Some(expected));
             let widened = |key: i16| end.1 + (i32::from(key) - i32::from(end.0));
-            prop_assert_eq!((Middle { keys: &wide }).wide(), Some((widened(expected.0), widened(expected.1))));
+            let expected = Some((widened(expected.0), widened(expected.1)));
+            prop_assert_eq!(middle(&as_floats(&wide), of_float).wide(), expected);
         }
 
         /// Catches middles that differ with the machine's vectors.
@@ -196,7 +212,8 @@ mod tests {
             let mut sorted = keys.clone();
             sorted.sort_unstable();
             let expected = sorted.get(keys.len() / 2).map(|&upper| (sorted[(keys.len() - 1) / 2], upper));
-            prop_assert_eq!(in_all_vectors(|| Middle { keys: &keys }), [expected; 3]);
+            let samples = as_floats(&keys);
+            prop_assert_eq!(in_all_vectors(|| middle(&samples, of_float)), [expected; 3]);
         }
     }
 

@@ -3,6 +3,8 @@
 use std::ops::AddAssign;
 
 use bytemuck::Pod;
+#[cfg(target_arch = "x86_64")]
+use pulp::x86::V4;
 use tapline_wire::{CHANNELS_MAX, Channel, TapHeader};
 
 use crate::Real;
@@ -39,15 +41,36 @@ pub(crate) trait Count: Copy + PartialOrd + Into<f64> {
 pub(crate) trait Key: Copy + Ord + Pod + From<bool> + AddAssign + Into<i64> + TryFrom<i64> {
     /// The greatest of its kind.
     const MAX: usize;
+    /// For each of the values `at`, how many `keys` do not exceed it.
+    ///
+    /// A mask has a bit for each key of a vector, and an instruction counts them: half the time of adding up in lanes.
+    #[cfg(target_arch = "x86_64")]
+    fn counts(simd: V4, keys: &[Self], at: [Self; 3]) -> [usize; 3];
 }
 
-impl Key for i16 {
-    const MAX: usize = i16::MAX as usize;
+macro_rules! key {
+    ($key:ty, $lanes:literal, $splat:ident, $is_at_most:ident) => {
+        impl Key for $key {
+            const MAX: usize = <$key>::MAX as usize;
+            #[cfg(target_arch = "x86_64")]
+            #[inline(always)]
+            fn counts(simd: V4, keys: &[Self], at: [Self; 3]) -> [usize; 3] {
+                let (rows, rest) = keys.as_chunks::<$lanes>();
+                let mut counts = at.map(|at| rest.iter().map(|&key| usize::from(key <= at)).sum());
+                let at = at.map(|at| simd.$splat(at));
+                for &row in rows {
+                    for (count, at) in counts.iter_mut().zip(at) {
+                        *count += simd.$is_at_most(bytemuck::cast(row), at).0.count_ones() as usize;
+                    }
+                }
+                counts
+            }
+        }
+    };
 }
 
-impl Key for i32 {
-    const MAX: usize = i32::MAX as usize;
-}
+key!(i16, 32, splat_i16x32, cmp_le_i16x32);
+key!(i32, 16, splat_i32x16, cmp_le_i32x16);
 
 impl Count for i16 {
     type Key = i16;

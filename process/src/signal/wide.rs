@@ -7,6 +7,8 @@
 
 use std::cell::Cell;
 
+#[cfg(target_arch = "x86_64")]
+use pulp::x86::V4;
 use pulp::{Arch, NullaryFnOnce};
 
 thread_local! {
@@ -43,9 +45,33 @@ pub(crate) trait Kernel: Sized {
     /// The pass. It and what it calls must be `#[inline(always)]`; otherwise it is right but no faster.
     fn run(self) -> Self::Output;
 
+    /// The pass where there is AVX-512, if its masks serve better than what the compiler makes of `run`; with the same bits.
+    #[cfg(target_arch = "x86_64")]
+    #[inline(always)]
+    fn run_with_masks(self, _: V4) -> Self::Output {
+        self.run()
+    }
+
     /// The same, in the widest vectors.
     fn wide(self) -> Self::Output {
-        widest().dispatch(Wide(self))
+        match widest() {
+            #[cfg(target_arch = "x86_64")]
+            Arch::V4(simd) => simd.vectorize(WithMasks(simd, self)),
+            widest => widest.dispatch(Wide(self)),
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+struct WithMasks<K>(V4, K);
+
+#[cfg(target_arch = "x86_64")]
+impl<K: Kernel> NullaryFnOnce for WithMasks<K> {
+    type Output = K::Output;
+
+    #[inline(always)]
+    fn call(self) -> K::Output {
+        self.1.run_with_masks(self.0)
     }
 }
 
