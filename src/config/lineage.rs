@@ -1,4 +1,4 @@
-//! What results are made by: the program's sources, and every option with its value.
+//! What results are made by: the program's sources, and every option that affects results with its value.
 
 use std::collections::BTreeMap;
 
@@ -17,9 +17,9 @@ const SOURCES: [(&str, &str); 6] = [
     ("wire", env!("TAPLINE_SOURCE_WIRE")),
 ];
 
-/// Tables and keys that affect no result: how casings come and how fast, on how many threads they are computed, where verdicts
-/// are published and what is printed with them.
-const AFFECT_NO_RESULT: [&str; 5] = ["line", "station", "report", "acquire.taps_per_s", "process.workers"];
+/// Tables and keys that affect no result: how casings come and how fast, on how many threads they are computed, how samples are
+/// packed, where verdicts are published and what is printed with them.
+const AFFECT_NO_RESULT: [&str; 6] = ["line", "station", "report", "store", "acquire.taps_per_s", "process.workers"];
 
 /// Sources that affect the discriminators of a tap.
 const OF_DISCRIMINATORS: [&str; 3] = ["dependencies", "process", "wire"];
@@ -32,7 +32,7 @@ struct MadeBy<'a> {
     config: &'a Config,
 }
 
-/// The lines that an archive keeps of this program and `config`, every default spelled out.
+/// The lines that an archive keeps of this program and of what of `config` affects results, every default spelled out.
 pub(crate) fn made_by(config: &Config) -> Result<String> {
     let made_by = MadeBy { program: env!("CARGO_PKG_VERSION"), sources: SOURCES.into_iter().collect(), config };
     let mut table = toml::Table::try_from(made_by).context("the options do not fit TOML")?;

@@ -78,17 +78,21 @@ impl Fusions {
     }
 }
 
-/// All that discriminators depend on: rate, channels, units and analysed length of the records, and the table `[process]` with
-/// every default. How many threads compute them changes none, and how long records are beyond what is analysed neither.
+/// All that discriminators depend on: rate, channels, units and analysed length of the records, what of it is before the trigger, and
+/// the table `[process]` with every default. The number of threads changes none; `record_s` is in the analysed length.
 pub(crate) fn process_of(config: &ProcessConfig, recording: &Recording) -> Result<String> {
     let channels: Vec<&str> = recording.channels.iter().map(|channel| channel.name()).collect();
     let units: Vec<&str> = recording.channels.iter().map(|&c| recording.calibration.unit(c).name()).collect();
     let rate_hz = recording.sample_rate_hz;
     let analysed_s = f64::from(config.samples_looked_at(recording.sample_count_max, rate_hz)) / rate_hz;
-    let config = ProcessConfig { workers: 0, record_s: 0.0, ..*config };
-    let config = toml::to_string(&config).context("the configuration of process does not fit TOML")?;
+    let pre_trigger_s = f64::from(recording.pre_trigger_samples) / rate_hz;
+    let mut config = toml::Table::try_from(config).context("the configuration of process does not fit TOML")?;
+    for key in ["workers", "record_s"] {
+        config.remove(key);
+    }
     Ok(format!(
-        "sample_rate_hz = {rate_hz:?}\nchannels = {channels:?}\nunits = {units:?}\nanalysed_s = {analysed_s:?}\n{config}"
+        "sample_rate_hz = {rate_hz:?}\nchannels = {channels:?}\nunits = {units:?}\nanalysed_s = {analysed_s:?}\npre_trigger_s = \
+         {pre_trigger_s:?}\n{config}"
     ))
 }
 
@@ -123,7 +127,8 @@ pub(crate) fn differences(was: &str, is: &str) -> String {
     let only = |of: &str, other: &str| -> Vec<String> {
         of.lines().filter(|line| !other.lines().any(|l| l == *line)).map(str::to_owned).collect()
     };
-    format!("{} there, {} here", only(was, is).join(", "), only(is, was).join(", "))
+    let listed = |lines: Vec<String>| if lines.is_empty() { "nothing".to_owned() } else { lines.join(", ") };
+    format!("{} there, {} here", listed(only(was, is)), listed(only(is, was)))
 }
 
 #[cfg(test)]
@@ -151,13 +156,17 @@ mod tests {
         let faster = Recording { sample_rate_hz: 48_000.0, ..recording.clone() };
         assert_eq!(
             difference(&config, &faster),
-            "sample_rate_hz = 40960.0, analysed_s = 0.4 there, sample_rate_hz = 48000.0, analysed_s = 0.3413333333333333 here"
+            "sample_rate_hz = 40960.0, analysed_s = 0.4, pre_trigger_s = 0.0125 there, sample_rate_hz = 48000.0, \
+             analysed_s = 0.3413333333333333, pre_trigger_s = 0.010666666666666666 here"
         );
         let deaf = Recording { channels: vec![Channel::Force], ..recording.clone() };
         assert_eq!(
             difference(&config, &deaf),
             "channels = [\"force\", \"sound\"], units = [\"N\", \"V\"] there, channels = [\"force\"], units = [\"N\"] here"
         );
+        let later = Recording { pre_trigger_samples: 1024, ..recording.clone() };
+        assert_eq!(difference(&config, &later), "pre_trigger_s = 0.0125 there, pre_trigger_s = 0.025 here");
+        assert_eq!(differences("a\nb", "a"), "b there, nothing here");
         let unscaled = Recording { calibration: Calibration::default(), ..recording.clone() };
         assert_eq!(difference(&config, &unscaled), "units = [\"N\", \"V\"] there, units = [\"FS\", \"FS\"] here");
         let other = ProcessConfig { f_c_hz: 600.0, f_hi_hz: 1900.0, ..config };

@@ -252,7 +252,7 @@ struct RunFile {
     /// The reference file, by its digest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     reference: Option<String>,
-    /// What the results are made by: the program's sources, and every option.
+    /// What the results are made by: the program's sources, and every option that affects them.
     made_by: Vec<String>,
 }
 

@@ -41,8 +41,8 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
         let Some(reader) = outcome.take(file, Reader::open(path))? else { continue };
         let Some(records) = outcome.take(file, reader.discriminators())? else { continue };
         let records: Vec<_> = records.into_iter().flatten().collect();
-        let config =
-            Config::parse(reader.config()).with_context(|| format!("the configuration in {}", path.display()))?;
+        let config = Config::parse(reader.config()).context("its configuration is not one of this program");
+        let Some(config) = outcome.take(file, config)? else { continue };
         let process = process_of(&config.process, &reader.plan().recording)?;
         match &built {
             None => {

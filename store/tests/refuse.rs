@@ -14,7 +14,7 @@ fn finished(path: &Path, plan: &Plan) {
     writer.finish().unwrap();
 }
 
-/// Catches an archive gone on with for another plan or configuration, and one that is overwritten.
+/// Catches an archive that is gone on with under other options, or refused for a remark, and one that is overwritten.
 #[test]
 fn another_run_is_refused_with_both_values() {
     let _guard = crate::common::beside_others();
@@ -22,20 +22,22 @@ fn another_run_is_refused_with_both_values() {
     let path = folder.path().join("run.h5");
     let given = plan(SampleFormat::I16);
     finished(&path, &given);
-    let other = plan_of(Recording { pre_trigger_samples: 9, ..given.recording.clone() });
-
-    let error = Reader::open(&path).unwrap().check_same(&other, CONFIG).unwrap_err();
-    let (archived, now) = (format!("{:016x}", given.digest()), format!("{:016x}", other.digest()));
-    assert!(matches!(error, Error::OtherPlan { .. }), "{error}");
-    assert!([archived, now, path.display().to_string()].iter().all(|part| error.to_string().contains(part)), "{error}");
 
     let open = folder.path().join("open.h5");
-    drop(Writer::create(&open, &given, 0, CONFIG).unwrap());
-    drop(Writer::resume(&open, "# a remark, or another pace\n").unwrap());
-    let made_by = "process.f_c_hz = 600.0\nprocess.f_hi_hz = 2000.0";
-    let error = Writer::resume(&open, Lineage { made_by, ..CONFIG.into() }).unwrap_err();
-    assert!(matches!(error, Error::OtherLineage { .. }), "{error}");
-    assert!(error.to_string().contains("process.f_c_hz = 600.0"), "{error}");
+    let of = |config: &'static str, made_by| Lineage { made_by, ..config.into() };
+    let made_by = "process.f_c_hz = 550.0\nprocess.f_hi_hz = 2000.0";
+    drop(Writer::create(&open, &given, 0, of(CONFIG, made_by)).unwrap());
+    drop(Writer::resume(&open, of("# a remark, or another pace\n", made_by)).unwrap());
+    for (made_by, archived, now) in [
+        ("process.f_c_hz = 600.0\nprocess.f_hi_hz = 2000.0", "process.f_c_hz = 550.0", "process.f_c_hz = 600.0"),
+        // An option that one program has and another has not.
+        ("a.new = 1\nprocess.f_c_hz = 550.0\nprocess.f_hi_hz = 2000.0", "nothing", "a.new = 1"),
+        ("process.f_hi_hz = 2000.0", "process.f_c_hz = 550.0", "nothing"),
+    ] {
+        let error = Writer::resume(&open, of(CONFIG, made_by)).unwrap_err();
+        assert!(matches!(error, Error::OtherLineage { .. }), "{error}");
+        assert!(error.to_string().contains(archived) && error.to_string().contains(now), "{error}");
+    }
 
     let error = Writer::create(&path, &given, given.taps().len(), CONFIG).unwrap_err();
     assert!(matches!(error, Error::Exists { .. }), "{error}");

@@ -58,5 +58,5 @@ fn names(line: &str, part: &str) -> bool {
     line.match_indices(part).any(|(at, _)| !line[..at].ends_with(|before: char| before.is_alphanumeric()))
 }
 
-/// Files that are no part of the program: tests, and what old names have become.
-const TESTS: [&str; 2] = ["laws.rs", "renamed.rs"];
+/// Files that are no part of the program but tests.
+const TESTS: [&str; 1] = ["laws.rs"];

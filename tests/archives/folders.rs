@@ -85,7 +85,7 @@ fn taps_of_a_folder_are_one_tap_set() {
     sandbox.write("other.toml", &SCAN.replace("repetitions = 2", "repetitions = 1"));
     sandbox.run("run --config other.toml --out other").expect(0);
     let done = sandbox.run("export out other taps --out no").expect(1);
-    assert!(done.err.contains("its configuration is another") && !sandbox.path("no").exists(), "{done:?}");
+    assert!(done.err.contains("its options are others") && !sandbox.path("no").exists(), "{done:?}");
 }
 
 /// Catches one damaged file that ends a verb for all others, or is not reported.

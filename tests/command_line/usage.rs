@@ -32,7 +32,7 @@ fn a_configuration_is_refused_by_name_of_what_is_wrong() {
         ("[fuse]\nreference = \"X/1\"\n", &["X/1"]),
         ("[scan]\nrepetitions = 0\n", &["scan.repetitions", "0"]),
         ("[acquire]\ntaps_per_s = 0.0\n", &["acquire.taps_per_s", "0"]),
-        ("[process.quality]\nsnr_least = 1.0\n", &["c.toml", "snr_least is now process.quality.snr_min"]),
+        ("[process.quality]\nsnr_least = 1.0\n", &["c.toml", "unknown field `snr_least`", "snr_min"]),
         ("[scam]\n", &["scam"]),
         ("[scan\n", &["c.toml"]),
     ] {

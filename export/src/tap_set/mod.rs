@@ -31,9 +31,18 @@ struct Alike {
     path: PathBuf,
     geometry: Geometry,
     recording: Recording,
+    /// As the first of them has it; those of the others may differ in what affects no result.
     config: String,
+    /// Every option that affects results.
+    options: Vec<String>,
     reference: Option<String>,
     plan_digest: u64,
+}
+
+/// The options of `reader`, without the program that they were given to.
+fn options(reader: &Reader) -> Vec<String> {
+    let is_option = |line: &&str| !line.starts_with("program = ") && !line.starts_with("sources.");
+    reader.made_by().lines().filter(is_option).map(str::to_owned).collect()
 }
 
 impl Alike {
@@ -44,6 +53,7 @@ impl Alike {
             geometry: plan.geometry,
             recording: plan.recording.clone(),
             config: reader.config().to_owned(),
+            options: options(reader),
             reference: reader.reference().map(str::to_owned),
             plan_digest: plan.digest(),
         }
@@ -63,7 +73,7 @@ impl Alike {
                 Some("its taps are recorded otherwise (rate, format, channels, or samples before the trigger)")
             }
             () if plan.geometry != self.geometry => Some("its geometry is another"),
-            () if reader.config() != self.config => Some("its configuration is another"),
+            () if options(reader) != self.options => Some("its options are others"),
             () if reader.reference() != self.reference.as_deref() => Some("its reference is another"),
             () => None,
         }

@@ -11,7 +11,7 @@ use super::{Cell, Errors, Estimator, RATES_HZ, Row, add_noise, amount, extract, 
 
 /// Taps of each cell.
 const TAPS: u32 = 100;
-/// Seconds of a record, and before the impact: those of the rig.
+/// Seconds of a record, and before the impact.
 const RECORD_S: f64 = 0.4;
 const PRE_TRIGGER_S: f64 = 0.0125;
 /// Seconds of the beginning that is read alone: a record's default length.

@@ -3,7 +3,7 @@
 //! The power spectral density is the one-sided boxcar periodogram of the whole record with its mean removed,
 //! as `scipy.signal.periodogram(x, fs, window="boxcar", detrend="constant", scaling="density")` defines it.
 //! The bin at 0 Hz, which is 0 without the mean, is in no band.
-//!
+
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 mod bands;

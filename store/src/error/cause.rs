@@ -81,10 +81,15 @@ impl Error {
     }
 }
 
-/// The first line in which two texts differ, in both; a line that one text lacks is empty.
+/// The first line of each text, `key = value`, that the other one lacks; "nothing" where it has all of them. Two lines of one key come
+/// first.
 fn first_difference(archived: &str, given: &str) -> (String, String) {
-    let line_count = archived.lines().count().max(given.lines().count());
-    let pair = |k: usize| (archived.lines().nth(k).unwrap_or(""), given.lines().nth(k).unwrap_or(""));
-    let (archived, given) = (0..line_count).map(pair).find(|(a, b)| a != b).unwrap_or_default();
-    (archived.to_owned(), given.to_owned())
+    let only = |of: &str, other: &str| -> Vec<String> {
+        of.lines().filter(|line| other.lines().all(|other| other != *line)).map(str::to_owned).collect()
+    };
+    let (archived, given) = (only(archived, given), only(given, archived));
+    let key = |line: &str| line.split(" = ").next().unwrap_or_default().to_owned();
+    let pair = archived.iter().find_map(|a| given.iter().find(|b| key(a) == key(b)).map(|b| (a.clone(), b.clone())));
+    let first = |lines: &[String]| lines.first().cloned().unwrap_or_else(|| "nothing".to_owned());
+    pair.unwrap_or_else(|| (first(&archived), first(&given)))
 }

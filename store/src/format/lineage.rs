@@ -19,8 +19,8 @@ pub struct Lineage<'a> {
     pub reference: Option<&'a str>,
     /// What packs its samples; a resumed archive keeps its codec.
     pub codec: Codec,
-    /// What its results are computed by, a line each: digests of the program's sources, and every option with its value,
-    /// defaults included.
+    /// What its results are computed by, a line each: digests of the program's sources, and every option that affects
+    /// them with its value, defaults included.
     pub made_by: &'a str,
     /// For results alone: the archive of their taps, which must lie in the same folder or in its parent, and the digest of
     /// those taps.

@@ -13,7 +13,7 @@ use crate::error::{Context, Result};
 use crate::format::checksum::ChecksummedRow;
 use crate::format::fields::{at_attempt, text};
 use crate::format::layout::LedgerRow;
-use crate::format::lineage::{Lineage, lineage_key};
+use crate::format::lineage::lineage_key;
 use crate::format::lost::Lost;
 use crate::read::samples::{ReadBuffer, SampleFile, Taps, checked_header};
 
@@ -93,14 +93,6 @@ impl Reader {
     /// Whether the archive is finished, so that it never changes.
     pub fn is_finished(&self) -> bool {
         self.archive.is_finished
-    }
-
-    /// Checks that this is the archive of `plan`, begun with the program, the options and the reference of `lineage`.
-    ///
-    /// # Errors
-    /// [`crate::Error::OtherPlan`], [`crate::Error::OtherReference`] and [`crate::Error::OtherLineage`].
-    pub fn check_same<'a>(&self, plan: &Plan, lineage: impl Into<Lineage<'a>>) -> Result<()> {
-        self.archive.check_same(plan, lineage.into())
     }
 
     /// Path of the archive.

@@ -46,10 +46,9 @@ use crate::write::pending::Pending;
 use crate::write::resume::load_resume_state;
 use crate::write::tap_state::{Half, PutCounts, PutOutcome, Track, Version};
 
-/// What an archive was begun with, by which it is recognised when it is opened again.
+/// What an archive's results are computed by, by which it is recognised when it is opened again.
 #[derive(Debug)]
 struct Provenance {
-    config: String,
     reference: Option<String>,
     made_by: String,
 }
@@ -144,11 +143,7 @@ impl Writer {
             sync_errors,
             path: archive.path.clone(),
             plan: archive.plan.clone(),
-            provenance: Provenance {
-                config: archive.config.clone(),
-                reference: archive.reference.clone(),
-                made_by: archive.made_by.clone(),
-            },
+            provenance: Provenance { reference: archive.reference.clone(), made_by: archive.made_by.clone() },
             is_results: archive.is_results(),
             archive: Some(archive),
         })

@@ -68,11 +68,8 @@ impl Writer {
     fn reopen(&self) -> Result<Archive> {
         let archive = Archive::open(&self.path, Access::Write)?;
         let provenance = &self.provenance;
-        let lineage = Lineage {
-            reference: provenance.reference.as_deref(),
-            made_by: &provenance.made_by,
-            ..provenance.config.as_str().into()
-        };
+        let lineage =
+            Lineage { reference: provenance.reference.as_deref(), made_by: &provenance.made_by, ..Lineage::from("") };
         archive.check_same(&self.plan, lineage)?;
         // It may have more than is known, if a flush failed half-way.
         let found = load_resume_state(&archive)?.ledger;

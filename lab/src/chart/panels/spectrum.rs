@@ -121,9 +121,6 @@ fn measure(bench: &Bench) -> Result<Panel> {
             "The truth is the periodogram of the whole record without noise, in double precision by another library. A shorter record \
              leaves out the end of the ringing, which is its error without noise; with noise, it leaves out more of that."
                 .to_owned(),
-            "A gate of 50 ms that opens with the sound is not offered any more: of a record of 16384 samples it cost 3.7 times as much \
-             as the first 2048 of them, and was no nearer to the truth, with noise or without."
-                .to_owned(),
         ],
         facets,
         tables: Vec::new(),

@@ -139,7 +139,13 @@ fn against_truth(bench: &Bench, (name, title): (&'static str, &str), ways: &[Way
     })
 }
 
-/// What an estimator does of a pulse of ten samples, and under noise of 3 %.
+/// The limits that the estimator of `which`, F_max or tau, in `config` does not keep.
+pub(super) fn of_estimator(bench: &Bench, which: Discriminator, config: &ProcessConfig) -> Result<Vec<Failure>> {
+    let is_it = |way: &Way| (way.config.f_max, way.config.tau) == (config.f_max, config.tau);
+    ways(which).into_iter().find(is_it).map_or(Ok(Vec::new()), |way| failures(bench, &way))
+}
+
+/// What an estimator does of a pulse of ten samples, and over a crack.
 fn failures(bench: &Bench, way: &Way) -> Result<Vec<Failure>> {
     let effort = Effort { seed: bench.seed, taps: bench.size.pulses };
     let bias = |pulse: &str, rate_hz, snr_db| -> Result<f64> {

@@ -1,14 +1,18 @@
-//! What the settings of `[process]` are worth to detection, each changed alone, in records of the default length.
+//! What the estimators of `[process]` are worth to detection, each changed alone, in records of the default length.
 
 use anyhow::Result;
 use tapline_process::{BandEdges, DurationEstimator, PeakEstimator, Precision, ProcessConfig, Subtraction};
+
+use tapline_wire::Discriminator;
 
 use super::readings::{Heard, costs};
 use super::scenes::{self, found};
 use super::{TOLERANCE, point};
 use crate::chart::Bench;
 use crate::chart::panel::{Facet, Panel, Quantity};
-use crate::chart::panels::Entry;
+use crate::chart::panels::{Entry, force};
+use crate::chart::point::Failure;
+use crate::chart::stability;
 use crate::simulated::Simulator;
 
 pub(in crate::chart::panels) const ENTRY: Entry =
@@ -44,13 +48,29 @@ fn settings() -> Vec<Heard> {
     all.map(|(name, label, family, process)| Heard::changed((name, label, family), process)).into()
 }
 
+/// The stability limits that a setting does not keep: of the force's estimators those of their own panel, of the others those of a
+/// spectrum.
+fn failures(bench: &Bench, heard: &Heard) -> Result<Vec<Failure>> {
+    let process = heard.reading.process;
+    let default = ProcessConfig::default();
+    match () {
+        () if process.tau != default.tau => force::of_estimator(bench, Discriminator::Tau, &process),
+        () if process.f_max != default.f_max => force::of_estimator(bench, Discriminator::FMax, &process),
+        () => Ok(stability::of_spectrum(&process)),
+    }
+}
+
 fn measure(bench: &Bench) -> Result<Panel> {
     let settings = settings();
     let costs = costs(bench, &settings)?;
     let found = found(bench, &settings, &scenes::ALL, |part| bench.progress.at(part))?;
+    let failures = settings.iter().map(|heard| failures(bench, heard)).collect::<Result<Vec<_>>>()?;
     let facet = |simulator: Simulator| {
         let points = settings.iter().enumerate();
-        let points = points.map(|(place, heard)| point(bench, heard, costs[place].cpu_us, &found, (simulator, place)));
+        let points = points.map(|(place, heard)| {
+            let point = point(bench, heard, costs[place].cpu_us, &found, (simulator, place))?;
+            Ok(point.failing(failures[place].clone()))
+        });
         let (name, title) = match simulator {
             Simulator::Plate => ("plate", "Cracks of the simulator plate"),
             Simulator::Model => ("model", "Cracks of the simulator model"),
@@ -70,12 +90,12 @@ fn measure(bench: &Bench) -> Result<Panel> {
     };
     Ok(Panel {
         name: "settings",
-        title: "Which settings of the discriminators find more cracks?",
-        question: "Each setting of `[process]` is changed alone, in records of the default length: what does it cost, and does the index find \
-                   more by it?",
+        title: "Which estimators find more cracks?",
+        question: "Each estimator of `[process]`, and its precision, is changed alone, in records of the default length: what does it cost, and \
+                   does the index find more by it?",
         notes: vec![
             "Scenes and reference are those of the panel `recording`: faint and strong cracks of smooth and of rough casings, and faint ones \
-             beside eight times the noise."
+             beside eight times the noise. The rig's hum is 3 mV."
                 .to_owned(),
             "The simulators do not agree on tau: over a crack of `plate` the pulse has a narrow peak and a long foot, which the width at 10 % \
              hides, and of `model` it is wide throughout. Values nearer to the contact, or with less bias by noise, do not find more: the \
