@@ -12,13 +12,9 @@ pub(crate) struct Off {
     pub why: &'static str,
 }
 
-/// Why tau is taken from the width at 10 % of F_max.
-const TAU: &str = "the method defines tau and the end of A_1 by the width at 10 % of F_max. By the impulse the index finds more cracks of `plate`, \
-                   and beside much noise fewer of `model`; no recorded tyre says yet which of the two is like a casing";
-
 /// All of them. A test asks for a line here when the committed atlas shows a default off its front, and that the line goes when it is
 /// back.
-pub(crate) const OFF: [Off; 3] = [
+pub(crate) const OFF: [Off; 2] = [
     Off {
         panel: "plans",
         facet: "model",
@@ -30,9 +26,9 @@ pub(crate) const OFF: [Off; 3] = [
         panel: "force",
         facet: "tau",
         default: "tau = \"half_sine\"",
-        why: "the error here is a common factor, which an index divides out: by `width_02`, which is nearer to the contact, the index finds fewer cracks (panel `settings`)",
+        why: "the error here is a common factor, which an index divides out: by `width_02`, which is nearer to the contact, the index finds \
+              fewer cracks (panel `settings`)",
     },
-    Off { panel: "force", facet: "tau-plate", default: "tau = \"half_sine\"", why: TAU },
 ];
 
 /// Why `default` of `facet` is what it is, where it is known to be off.
