@@ -62,6 +62,12 @@ impl Box {
         Self { left: x - half_width, right: x + half_width, top: y - half_height, bottom: y + half_height }
     }
 
+    /// How far the middle of `other` is from it.
+    fn distance_to(&self, other: &Self) -> f64 {
+        let (x, y) = (0.5 * (other.left + other.right), 0.5 * (other.top + other.bottom));
+        (x - x.clamp(self.left, self.right)).hypot(y - y.clamp(self.top, self.bottom))
+    }
+
     fn meets(&self, other: &Self) -> bool {
         self.left < other.right && other.left < self.right && self.top < other.bottom && other.top < self.bottom
     }
@@ -140,6 +146,11 @@ fn cost(candidate: &Candidate, own: usize, marks: &[Box], others: &[Candidate]) 
         return None;
     }
     let on_marks = marks.iter().enumerate().filter(|(k, mark)| *k != own && mark.meets(&candidate.of)).count();
+    // Beside another point a name is taken for that one's.
+    let own_distance = candidate.of.distance_to(&marks[own]);
+    let mut others_marks = marks.iter().enumerate().filter(|(k, _)| *k != own);
+    let is_near_another = others_marks.any(|(_, mark)| candidate.of.distance_to(mark) < 1.4 * own_distance - 1.0);
+    let astray = usize::from(candidate.placed.leader.is_none() && is_near_another);
     let crossing = |of: &Box, leader: &Option<(Place, Place)>| leader.is_some_and(|leader| of.is_crossed(leader));
     let crossed = others.iter().filter(|other| crossing(&candidate.of, &other.placed.leader)).count()
         + others.iter().filter(|other| crossing(&other.of, &candidate.placed.leader)).count();
@@ -147,7 +158,8 @@ fn cost(candidate: &Candidate, own: usize, marks: &[Box], others: &[Candidate]) 
         .placed
         .leader
         .map_or(0, |leader| marks.iter().enumerate().filter(|(k, mark)| *k != own && mark.is_crossed(leader)).count());
-    Some(candidate.badness + 150.0 * on_marks as f64 + 80.0 * crossed as f64 + 25.0 * through as f64)
+    let on_others = 150.0 * on_marks as f64 + 80.0 * crossed as f64 + 25.0 * (astray + through) as f64;
+    Some(candidate.badness + on_others)
 }
 
 #[cfg(test)]
@@ -177,6 +189,32 @@ mod tests {
         for (k, a) in boxes.iter().enumerate() {
             assert!(a.left >= room.left && a.right <= room.right && a.top >= room.top && a.bottom <= room.bottom);
             assert!(boxes[..k].iter().all(|b| !a.meets(b)), "{k}: {a:?} {boxes:?}");
+        }
+    }
+
+    /// Catches a name that stands beside another point than its own, and is read as that one's: two points with upright intervals, at
+    /// the right edge of the room.
+    #[test]
+    fn a_name_is_nearest_to_its_own_point() {
+        let room = Room { left: 0.0, right: 426.0, top: 95.0, bottom: 396.0 };
+        for (apart, lower) in (60..100).step_by(4).flat_map(|apart| (-20..=20).step_by(4).map(move |y| (apart, y))) {
+            let places = [(405.0 - f64::from(apart), 210.0), (405.0, 210.0 + f64::from(lower))];
+            let named = |text: &str, place| Named {
+                text: text.to_owned(),
+                is_bold: false,
+                place,
+                radius: 4.5,
+                rank: (false, false),
+            };
+            let names = [named("less noise", places[0]), named("less hum", places[1])];
+            let upright = |(x, y): Place| Line { ends: ((x, y - 50.0), (x, y + 50.0)), cost: 12.0 };
+            let mark = |name: &Named| Box::around(name.place, name.radius, name.radius);
+            for (name, placed) in names.iter().zip(place(&names, &places.map(upright), &room)) {
+                let placed = placed.expect("there is room");
+                let of = Box::around(placed.middle, 0.5 * width_of(&name.text, TEXT_PX, false), 0.5 * TEXT_PX);
+                let is_own = |other: &Named| of.distance_to(&mark(name)) <= of.distance_to(&mark(other));
+                assert!(placed.leader.is_some() || names.iter().all(is_own), "{}: {apart} {lower}", name.text);
+            }
         }
     }
 }

@@ -90,8 +90,8 @@ fn measure(bench: &Bench) -> Result<Panel> {
     Ok(Panel {
         name: "settings",
         title: "Which estimators find more cracks?",
-        question: "Each estimator of `[process]`, and its precision, is changed alone, in records of the default length: what does it cost, and \
-                   does the index find more by it?",
+        question: "Each estimator, and the precision, is changed alone, in records of the default length: what does it cost, and does the \
+                   index find more by it?",
         notes: vec![
             "Scenes and reference are those of the panel `recording`: faint and strong cracks of smooth and of rough casings, and faint ones \
              beside eight times the noise. The rig's hum is 3 mV."
