@@ -230,6 +230,11 @@ impl Outcome {
         Ok(None)
     }
 
+    /// Whether a file could not be done.
+    pub(crate) fn has_failed(&self) -> bool {
+        self.failed > 0
+    }
+
     /// Notes whether what was had of a file was all of it.
     pub(crate) fn note(&mut self, is_complete: bool) {
         self.is_complete &= is_complete;

@@ -42,7 +42,9 @@ pub enum Error {
         path: PathBuf,
     },
     /// The taps of a reference file were recorded or analysed otherwise than those that are compared with it.
-    #[error("the taps of the reference were recorded or analysed otherwise than these: {difference}")]
+    #[error(
+        "the taps of the reference were recorded or analysed otherwise than these: {difference}; make the reference anew from archives that were made like these"
+    )]
     ReferenceMadeOtherwise {
         /// What differs.
         difference: String,

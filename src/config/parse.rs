@@ -1,14 +1,38 @@
 //! Reads a configuration; what is wrong with it is said in words of people, not of the program's types.
 
-use anyhow::{Error, Result};
+use anyhow::{Error, Result, bail};
+use serde::Serialize;
 use serde::de::DeserializeOwned;
+use toml::{Table, Value};
 
 /// Reads the TOML `text`.
 ///
 /// # Errors
 /// What is wrong and where.
-pub(super) fn parse<T: DeserializeOwned>(text: &str) -> Result<T> {
+pub(super) fn parse<T: DeserializeOwned + Serialize + Default>(text: &str) -> Result<T> {
+    if let (Ok(given), Ok(known)) = (toml::from_str(text), Table::try_from(T::default())) {
+        check_shapes("", &given, &known)?;
+    }
     toml::from_str(text).map_err(|error| Error::msg(in_words(&error.to_string())))
+}
+
+/// Refuses a list where a table belongs, whose values would be taken for keys by their places, and a table where a list of tables
+/// does.
+fn check_shapes(path: &str, given: &Table, known: &Table) -> Result<()> {
+    for (key, given) in given {
+        let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+        match (given, known.get(key)) {
+            (Value::Array(_), Some(Value::Table(_))) => {
+                bail!("{path} is a list; it must be one table: write [{path}]")
+            }
+            (Value::Table(_), Some(Value::Array(_))) => {
+                bail!("{path} is one table; it must be a list of them: write [[{path}]]")
+            }
+            (Value::Table(given), Some(Value::Table(known))) => check_shapes(&path, given, known)?,
+            _ => {}
+        }
+    }
+    Ok(())
 }
 
 /// What people call the types that an error says it expected.
@@ -56,12 +80,30 @@ mod tests {
             ("[process]\nworkers = -1", "`-1`, expected a whole number, not below 0"),
             ("[process]\nf_c_hz = \"x\"", "\"x\", expected a number"),
             ("scan = 3", "`3`, expected a table"),
-            ("[station]\nnumber = 1", "invalid type: table, expected a list"),
+            ("[[simulation.fault]]\nkind = \"hum\"\nfraction = \"x\"", "\"x\", expected a number"),
             ("[scan]\noffsets_mm = 1.0", "`1.0`, expected a list"),
         ] {
             let refusal = refusal(text);
-            assert!(refusal.ends_with(words) && refusal.contains("line "), "{refusal}");
+            assert!(refusal.contains(words) && refusal.contains("line "), "{refusal}");
         }
+    }
+
+    /// Catches a list that is taken for a table, its values by their places, and a slip in brackets without what to write.
+    #[test]
+    fn lists_and_tables_are_not_mixed() {
+        for (text, words) in [
+            ("scan = [7]", "scan is a list; it must be one table: write [scan]"),
+            ("[[fuse]]", "fuse is a list; it must be one table: write [fuse]"),
+            ("[[process.quality]]", "process.quality is a list; it must be one table: write [process.quality]"),
+            ("[station]\nnumber = 1", "station is one table; it must be a list of them: write [[station]]"),
+            (
+                "[simulation.fault]",
+                "simulation.fault is one table; it must be a list of them: write [[simulation.fault]]",
+            ),
+        ] {
+            assert_eq!(refusal(text), words);
+        }
+        assert!(parse::<Config>("[[station]]\nnumber = 1\nsource = \"simulated\"\n[scan]\noffsets_mm = []").is_ok());
     }
 
     /// Catches a slip in a key, an index or a discriminator without the name that was meant, and a hint that leads astray.

@@ -85,9 +85,15 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
         }
     }
     if let Some(missing) = wanted.first() {
-        let meant = did_you_mean(missing, there.iter().map(String::as_str));
-        let meant = meant.map(|meant| format!("; {meant}")).unwrap_or_default();
-        bail!("--shoulder {missing} is in none of the archives{meant}");
+        let of_casing: Vec<&str> =
+            there.iter().map(String::as_str).filter(|name| name.starts_with(&format!("{missing}/"))).collect();
+        let meant = match () {
+            () if !of_casing.is_empty() => format!("; that casing has {}", of_casing.join(", ")),
+            // It may be in an archive that could not be read.
+            () if outcome.has_failed() => String::new(),
+            () => did_you_mean(missing, there.iter().map(String::as_str)).map(|m| format!("; {m}")).unwrap_or_default(),
+        };
+        bail!("--shoulder {missing} is in none of the archives that could be read{meant}");
     }
     let is_complete = outcome.end()?;
     let mut built = built.context("no archive is named")?;

@@ -154,7 +154,12 @@ fn what_stands_out_of_a_reference_is_told() {
     assert!(done.err.contains("R1 stands out from the other casings and may be cracked: it is left out"), "{done:?}");
     assert!(done.err.contains("scanned/C1.h5: C1/1 did not pass and is left out"), "{done:?}");
     let slip = sandbox.run("reference scanned --shoulder C1/11 --out slip.json").expect(1);
-    assert!(slip.err.contains("C1/11 is in none of the archives; did you mean \"C1/1\"?"), "{slip:?}");
+    assert!(
+        slip.err.contains("C1/11 is in none of the archives that could be read; did you mean \"C1/1\"?"),
+        "{slip:?}"
+    );
+    let slip = sandbox.run("reference scanned --shoulder C1 --out slip.json").expect(1);
+    assert!(slip.err.contains("; that casing has C1/1, C1/2"), "{slip:?}");
     assert!(done.out.contains("S7/2") && !done.out.contains("R1/1"), "{done:?}");
     let named: String = (1..8).map(|k| format!(" --shoulder S{k}/1")).collect();
     let done = sandbox.run(&format!("reference scanned{named} --shoulder C1/1 --out stated.json")).expect(0);

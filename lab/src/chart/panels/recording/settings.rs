@@ -96,9 +96,9 @@ fn measure(bench: &Bench) -> Result<Panel> {
             "Scenes and reference are those of the panel `recording`: faint and strong cracks of smooth and of rough casings, and faint ones \
              beside eight times the noise. The rig's hum is 3 mV."
                 .to_owned(),
-            "The simulators do not agree on tau: by the impulse, and by the width at half height, the index finds more cracks of `plate`, and \
-             no more of `model`. Values nearer to the contact, or with less bias by noise, do not find more: the index compares with \
-             places that have the same bias."
+            "The simulators do not agree on tau. By the impulse the index finds more cracks of `plate` in each of the seeds, though by less \
+             than the tolerance, and no more of `model`. Neither values nearer to the contact (`width_02`) nor values with less bias by \
+             noise find more, because the index compares with places that have the same bias."
                 .to_owned(),
         ],
         facets: Simulator::ALL.into_iter().map(facet).collect::<Result<_>>()?,
