@@ -71,9 +71,9 @@ mod tests {
         format!("{:#}", parse::<Config>(text).unwrap_err())
     }
 
-    /// Catches a bound that is told as the name of a type, a type of the program, and an error without its place.
+    /// Catches a bound or a kind that is named by a type of the program, and an error without its place.
     #[test]
-    fn bounds_are_told_in_words() {
+    fn errors_are_in_words() {
         for (text, words) in [
             ("[scan]\nstations = 70000", "`70000`, expected a whole number from 0 to 65535"),
             ("[scan]\nlocations = -1", "`-1`, expected a whole number from 0 to 4294967295"),

@@ -15,7 +15,7 @@ use tapline_host::atomic_file::{Existing, write_atomically};
 use tapline_host::messages::counted;
 use tapline_host::progress::{Progress, Unit};
 use tapline_host::signals::stop_flag;
-use tapline_store::{digest_of, hex_of};
+use tapline_store::{digest_of, hex_of, lineage_change};
 use tapline_wire::{Line, LineAddress, Recording, Role, Services};
 
 use crate::cli::line::{LineArgs, RunArgs};
@@ -305,20 +305,19 @@ impl RunFile {
             return Some(format!("{} there, {} here", counted(there.casings, "casing", "casings"), self.casings));
         }
         if self.plans != there.plans {
-            return Some(format!("other recorded taps: {}", first_difference(&there.plans, &self.plans)));
+            let only = |of: &[String], other: &[String]| of.iter().find(|plan| !other.contains(plan)).cloned();
+            let [there, here] = [only(&there.plans, &self.plans), only(&self.plans, &there.plans)]
+                .map(|plan| plan.unwrap_or_else(|| "nothing".to_owned()));
+            return Some(format!("other recorded taps: {there} there, {here} here"));
         }
         if self.reference != there.reference {
             return Some("another reference".to_owned());
         }
-        (self.made_by != there.made_by).then(|| first_difference(&there.made_by, &self.made_by))
+        (self.made_by != there.made_by).then(|| {
+            let (there, here) = lineage_change(&there.made_by.join("\n"), &self.made_by.join("\n"));
+            format!("{there} there, {here} here")
+        })
     }
-}
-
-fn first_difference(there: &[String], here: &[String]) -> String {
-    let only = |of: &[String], other: &[String]| {
-        of.iter().find(|line| !other.contains(line)).map_or_else(|| "nothing".to_owned(), |line| line.trim().to_owned())
-    };
-    format!("{} there, {} here", only(there, here), only(here, there))
 }
 
 fn absolute(path: &Path) -> Result<PathBuf> {

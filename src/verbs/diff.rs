@@ -8,11 +8,10 @@ use anyhow::{Result, bail};
 use serde::Serialize;
 use serde_json::json;
 use tapline_host::messages::counted;
-use tapline_store::{Judged, Reader, archive_of};
+use tapline_store::{Judged, Reader, archive_of, lineage_changes};
 use tapline_wire::{Discriminator, Discriminators, Scan, Verdict};
 
 use crate::archives::{ArchiveFile, ArchiveProgress, Archives, Outcome, Which};
-use crate::config::lineage::changes;
 use crate::verbs::explain::print;
 
 /// Prints what changed from the results at `before` to those at `after`: lineage first, then numbers. Where one is a folder,
@@ -130,7 +129,7 @@ impl Difference {
             before: before.display().to_string(),
             after: after.display().to_string(),
             is_lineage_same: a.lineage_key()? == b.lineage_key()?,
-            lineage: changes(a.made_by(), b.made_by()),
+            lineage: lineage_changes(a.made_by(), b.made_by()),
             is_raw_same: a.raw_digest()? == b.raw_digest()?,
             is_reference_same: a.reference() == b.reference(),
             taps_alone: found_a.iter().zip(&found_b).filter(|(a, b)| a.is_some() != b.is_some()).count(),

@@ -8,12 +8,12 @@ use anyhow::{Context as _, Result, bail};
 use serde::Serialize;
 use tapline_host::similar::did_you_mean;
 use tapline_host::table::table;
-use tapline_store::{Reader, digest_of, hex_of};
+use tapline_store::{Reader, digest_of, hex_of, lineage_changes};
 use tapline_wire::{Discriminator, Scan, TapState, Verdict};
 
 use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
 use crate::config::Config;
-use crate::config::lineage::{changes, made_by};
+use crate::config::lineage::made_by;
 use tapline_host::stdout::Stdout;
 
 /// Prints where the results of the archives at `paths` come from; for one shoulder, and one location of it, also the numbers. Of
@@ -122,7 +122,7 @@ impl Explanation {
     fn of(reader: &Reader, shoulder: Option<&str>, location: Option<u32>) -> Result<Self> {
         let count = |state| reader.ledger().count(state);
         let here = made_by(&Config::default())?;
-        let (sources, options): (Vec<_>, Vec<_>) = changes(&here, reader.made_by())
+        let (sources, options): (Vec<_>, Vec<_>) = lineage_changes(&here, reader.made_by())
             .into_iter()
             .partition(|(key, ..)| !key.contains('.') || key.starts_with("sources."));
         Ok(Self {

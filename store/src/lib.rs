@@ -66,7 +66,7 @@ pub use error::{Error, Result};
 pub use file::{LEFT_FOLDER, OPEN_FOLDER, UNREPORTED_FOLDER};
 pub use folder::{Folder, Results, Sorted, archive_of, has_results, results_path};
 pub use format::layout::{FORMAT_VERSION, REASON_BYTES};
-pub use format::lineage::{Lineage, digest_of, hex_of, lineage_key};
+pub use format::lineage::{Lineage, digest_of, hex_of, lineage_change, lineage_changes, lineage_key};
 pub use format::lost::Lost;
 pub use read::reader::{Judged, OwnedSamples, Reader, Refusal};
 pub use read::regions::{Region, regions};

@@ -94,8 +94,8 @@ fn c12_a_coupling_that_forgets() {
 
 /// Case 15, by value: a neighbour's tap 50 ms later, as loud as this one.
 ///
-/// Naive: the whole record holds both, and PR is a third off and more. Hold: the first 50 ms, which end before it, have the same
-/// PR as those of the clean tap.
+/// Naive: the whole record holds both, and PR is a third off and more. Hold: the first 50 ms, which end before it, have PR
+/// within 1 % of the whole clean record's.
 #[test]
 fn c15_a_short_record_ends_before_the_neighbour() {
     let mut heard = Tap::sound();
@@ -106,10 +106,10 @@ fn c15_a_short_record_ends_before_the_neighbour() {
         heard.sound_v[k] += (-120.0 * t).exp() * (std::f64::consts::TAU * 1200.0 * t).sin();
     }
     let short = ProcessConfig { record_s: 0.05, ..plain() };
-    let off = |config: &ProcessConfig| (value(&heard, config, Pr) / value(&Tap::sound(), config, Pr) - 1.0).abs();
+    let off = |config: &ProcessConfig| (value(&heard, config, Pr) / value(&Tap::sound(), &plain(), Pr) - 1.0).abs();
     println!("c15: naive {}, held {}", off(&plain()), off(&short));
     assert!(off(&plain()) > 0.33, "{}", off(&plain()));
-    assert!(off(&short) < 1e-12, "{}", off(&short));
+    assert!(off(&short) < 0.01, "{}", off(&short));
 }
 
 /// Case 20: an edge of the band between two bins, and records of other lengths.

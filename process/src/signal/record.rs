@@ -43,7 +43,7 @@ pub(crate) trait Key: Copy + Ord + Pod + From<bool> + AddAssign + Into<i64> + Tr
     const MAX: usize;
     /// For each of the values `at`, how many `keys` do not exceed it.
     ///
-    /// A mask has a bit for each key of a vector, and an instruction counts them: half the time of adding up in lanes.
+    /// A mask has a bit for each key of a vector, and one instruction counts them, where lanes have to be added up.
     #[cfg(target_arch = "x86_64")]
     fn counts(simd: V4, keys: &[Self], at: [Self; 3]) -> [usize; 3];
 }

@@ -6,6 +6,7 @@ use std::path::Path;
 use rustix::io::Errno;
 
 use super::Error;
+use crate::format::lineage::lineage_change;
 
 /// What to do with an archive of layout `got` where only `known` is read.
 pub(super) fn way_out(got: u32, known: u32) -> &'static str {
@@ -18,9 +19,9 @@ impl Error {
         Self::Damaged { path: path.to_owned(), what: what.into() }
     }
 
-    /// The error that names the first line in which two lineages differ.
+    /// The error that names an option in which two lineages differ.
     pub(crate) fn other_lineage(path: &Path, archived: &str, given: &str) -> Self {
-        let (archived, given) = first_difference(archived, given);
+        let (archived, given) = lineage_change(archived, given);
         Self::OtherLineage { path: path.to_owned(), archived, given }
     }
 
@@ -79,17 +80,4 @@ impl Error {
             _ => "see to that disk and file",
         }
     }
-}
-
-/// The first line of each text, `key = value`, that the other one lacks; "nothing" where it has all of them. Two lines of one key come
-/// first.
-fn first_difference(archived: &str, given: &str) -> (String, String) {
-    let only = |of: &str, other: &str| -> Vec<String> {
-        of.lines().filter(|line| other.lines().all(|other| other != *line)).map(str::to_owned).collect()
-    };
-    let (archived, given) = (only(archived, given), only(given, archived));
-    let key = |line: &str| line.split(" = ").next().unwrap_or_default().to_owned();
-    let pair = archived.iter().find_map(|a| given.iter().find(|b| key(a) == key(b)).map(|b| (a.clone(), b.clone())));
-    let first = |lines: &[String]| lines.first().cloned().unwrap_or_else(|| "nothing".to_owned());
-    pair.unwrap_or_else(|| (first(&archived), first(&given)))
 }

@@ -1,5 +1,6 @@
 //! What results are computed from and by: stored in the archive verbatim, and hashed into one key.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use tapline_codec::Codec;
@@ -38,6 +39,25 @@ impl<'a> From<&'a String> for Lineage<'a> {
     fn from(config_toml: &'a String) -> Self {
         config_toml.as_str().into()
     }
+}
+
+/// What differs between two texts of [`Lineage::made_by`], as (key, before, after), by key; an option that is missing is empty.
+pub fn lineage_changes(before: &str, after: &str) -> Vec<(String, String, String)> {
+    let options = |text: &str| -> BTreeMap<String, String> {
+        text.lines().filter_map(|line| line.split_once(" = ")).map(|(k, v)| (k.to_owned(), v.to_owned())).collect()
+    };
+    let (before, after) = (options(before), options(after));
+    let keys: BTreeSet<&String> = before.keys().chain(after.keys()).collect();
+    let of = |options: &BTreeMap<String, String>, key: &String| options.get(key).cloned().unwrap_or_default();
+    let changes = keys.into_iter().map(|key| (key.clone(), of(&before, key), of(&after, key)));
+    changes.filter(|(_, before, after)| before != after).collect()
+}
+
+/// The first of them, as the line before and the line after; "nothing" stands for an option that is missing.
+pub fn lineage_change(before: &str, after: &str) -> (String, String) {
+    let (key, before, after) = lineage_changes(before, after).into_iter().next().unwrap_or_default();
+    let line = |value: String| if value.is_empty() { "nothing".to_owned() } else { format!("{key} = {value}") };
+    (line(before), line(after))
 }
 
 /// The key of results: 256 bits over the recorded taps, what the results were computed by, and the reference.

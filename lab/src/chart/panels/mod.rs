@@ -7,6 +7,7 @@ mod index;
 mod plans;
 mod recording;
 mod references;
+mod settings;
 mod slabs;
 mod spectrum;
 mod transport;
@@ -36,7 +37,7 @@ pub(crate) const PANELS: [Entry; 11] = [
     references::ENTRY,
     index::ENTRY,
     slabs::ENTRY,
-    recording::settings::ENTRY,
+    settings::ENTRY,
     spectrum::ENTRY,
     force::ENTRY,
     contact::ENTRY,

@@ -83,9 +83,9 @@ fn measure(bench: &Bench) -> Result<Panel> {
             "Errors are of pulses of the contact models that run in time, on sound rubber and over a crack 5 mm deep, at 40.96 kHz; \
              the cost is that of reading a record of the force alone, in double precision."
                 .to_owned(),
-            "Every estimator of tau gives a skewed pulse a shorter duration than its contact, always by the same part. That is most of \
-             the error here, and does not matter to an index, which compares with the rest of the ring. So detection is shown beside \
-             it, on casings with faint cracks tapped twice at the belt edge: tau alone, mean of three neighbours. What the index finds by \
+            "Every estimator of tau gives a skewed pulse a shorter duration than its contact. Pulses of one shape lose the same part. \
+             That is most of the error here, and does not matter to an index, which compares with the rest of the ring. So detection is \
+             shown beside it, on casings with faint cracks tapped twice at the belt edge: tau alone, mean of three neighbours. What the index finds by \
              each is in the panel `settings`."
                 .to_owned(),
         ],

@@ -1,8 +1,7 @@
 //! What must be recorded: length, sample rate and bits of a record against loss of detection.
 
-mod readings;
-mod scenes;
-pub(super) mod settings;
+pub(super) mod readings;
+pub(super) mod scenes;
 mod table;
 
 use anyhow::{Context as _, Result};
@@ -18,7 +17,7 @@ use crate::evaluation::Areas;
 use crate::simulated::Simulator;
 
 /// What loss of detection, and what part of a cost, counts as a difference.
-const TOLERANCE: Tolerance = Tolerance { cost: 0.15, error: 0.003 };
+pub(super) const TOLERANCE: Tolerance = Tolerance { cost: 0.15, error: 0.003 };
 
 pub(super) const ENTRY: Entry = Entry {
     name: "recording",
@@ -84,7 +83,8 @@ enum What {
     Converter,
 }
 
-fn point(
+/// The point of `heard`, which is the way number `place`, as `simulator` has its casings.
+pub(super) fn point(
     bench: &Bench,
     heard: &Heard,
     cost: Cost,

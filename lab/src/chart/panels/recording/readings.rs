@@ -15,23 +15,23 @@ use crate::chart::stability;
 use crate::simulated::{Reading, quantised};
 
 /// The rig's sample rate.
-pub(super) const RATE_HZ: f64 = 40_960.0;
+pub(in crate::chart::panels) const RATE_HZ: f64 = 40_960.0;
 /// Length of the longest record; the shorter ones are its beginnings.
-pub(super) const RECORD_S: f64 = 0.4;
+pub(in crate::chart::panels) const RECORD_S: f64 = 0.4;
 /// Before the trigger.
-pub(super) const PRE_TRIGGER_S: f64 = 0.0125;
+pub(in crate::chart::panels) const PRE_TRIGGER_S: f64 = 0.0125;
 
 /// Lengths that are tried, the longest first.
-pub(super) const LENGTHS_S: [f64; 8] = [RECORD_S, 0.2, 0.1, 0.06, 0.05, 0.04, 0.03, 0.025];
+pub(in crate::chart::panels) const LENGTHS_S: [f64; 8] = [RECORD_S, 0.2, 0.1, 0.06, 0.05, 0.04, 0.03, 0.025];
 /// The length at which rates and bits are tried.
 const CONVERTER_S: f64 = 0.1;
 const BITS: [u32; 4] = [14, 12, 10, 8];
 const RATES_HZ: [f64; 3] = [20_480.0, 81_920.0, 10_240.0];
 
 /// Family of the lengths.
-pub(super) const LENGTH_FAMILIES: [&str; 1] = ["length of the record"];
+pub(in crate::chart::panels) const LENGTH_FAMILIES: [&str; 1] = ["length of the record"];
 /// Families of the converters.
-pub(super) const CONVERTER_FAMILIES: [&str; 2] = ["sample rate, 16 bits", "bits, 41 kHz"];
+pub(in crate::chart::panels) const CONVERTER_FAMILIES: [&str; 2] = ["sample rate, 16 bits", "bits, 41 kHz"];
 
 /// Length of the rig's records.
 fn default_record_s() -> f64 {
@@ -41,7 +41,7 @@ fn default_record_s() -> f64 {
 
 /// A way to record and to read.
 #[derive(Debug, Clone)]
-pub(super) struct Heard {
+pub(in crate::chart::panels) struct Heard {
     pub name: String,
     pub label: String,
     pub family: usize,
@@ -66,7 +66,10 @@ impl Heard {
     }
 
     /// The rig's default records, read by `process`.
-    pub(super) fn changed((name, label, family): (&str, &str, usize), process: ProcessConfig) -> Self {
+    pub(in crate::chart::panels) fn changed(
+        (name, label, family): (&str, &str, usize),
+        process: ProcessConfig,
+    ) -> Self {
         Self {
             name: name.to_owned(),
             label: label.to_owned(),
@@ -78,7 +81,7 @@ impl Heard {
     }
 
     /// Lengths of a record.
-    pub(super) fn lengths() -> Vec<Self> {
+    pub(in crate::chart::panels) fn lengths() -> Vec<Self> {
         let default_s = default_record_s();
         let length = |record_s: f64| {
             // Of the longest record all is read.
@@ -98,7 +101,7 @@ impl Heard {
     }
 
     /// Rates and bits of the converter; a short chart tries one other rate.
-    pub(super) fn converters(size: &Size) -> Vec<Self> {
+    pub(in crate::chart::panels) fn converters(size: &Size) -> Vec<Self> {
         let plain = Self::plain(CONVERTER_S);
         let bits = |bits: u32| Self {
             name: format!("{bits} bits at 40.96 kHz"),
@@ -124,7 +127,7 @@ impl Heard {
     }
 
     /// The stability limits that it does not keep.
-    pub(super) fn failures(&self) -> Vec<Failure> {
+    pub(in crate::chart::panels) fn failures(&self) -> Vec<Failure> {
         if self.record_s < RECORD_S { Vec::new() } else { stability::of_spectrum(&self.reading.process) }
     }
 
@@ -137,7 +140,7 @@ impl Heard {
 
 /// What a way costs, a tap.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct HeardCost {
+pub(in crate::chart::panels) struct HeardCost {
     pub bytes_kib: Cost,
     pub cpu_us: Cost,
 }
@@ -149,7 +152,7 @@ struct Tap {
 }
 
 /// What each of `heard` costs, on taps of one casing of `model`.
-pub(super) fn costs(bench: &Bench, heard: &[Heard]) -> Result<Vec<HeardCost>> {
+pub(in crate::chart::panels) fn costs(bench: &Bench, heard: &[Heard]) -> Result<Vec<HeardCost>> {
     let taps: Vec<Vec<Tap>> = heard.iter().map(|heard| taps(bench, heard)).collect::<Result<_>>()?;
     let bytes = taps.iter().map(|taps| packed_kib(taps));
     let mut workloads = Vec::new();

@@ -13,14 +13,14 @@ use crate::simulated::{
 };
 
 /// Cracked scenes; those of an entry share a population. A short chart has the first alone.
-pub(super) const ALL: [&[Scene]; 3] =
+pub(in crate::chart::panels) const ALL: [&[Scene]; 3] =
     [&[Scene::FaintSmooth, Scene::StrongSmooth], &[Scene::FaintRough, Scene::StrongRough], &[Scene::FaintNoise]];
 /// Those in which a converter can be told from another.
-pub(super) const FAINT: [&[Scene]; 2] = [&[Scene::FaintSmooth], &[Scene::FaintNoise]];
+pub(in crate::chart::panels) const FAINT: [&[Scene]; 2] = [&[Scene::FaintSmooth], &[Scene::FaintNoise]];
 
 /// What the ways find of one scene and seed.
 #[derive(Debug)]
-pub(super) struct Found {
+pub(in crate::chart::panels) struct Found {
     pub simulator: Simulator,
     pub scene: Scene,
     pub seed: u64,
@@ -30,7 +30,7 @@ pub(super) struct Found {
 
 impl Found {
     /// The locations by way number `place`: tyre, index, and whether there is a crack.
-    pub(super) fn things(&self, place: usize) -> impl Iterator<Item = (String, f64, bool)> + '_ {
+    pub(in crate::chart::panels) fn things(&self, place: usize) -> impl Iterator<Item = (String, f64, bool)> + '_ {
         self.judged[place].iter().flatten().flat_map(move |judged| {
             let tyre = format!("{}-{}", self.seed, judged.tyre);
             let places = judged.index.iter().copied().zip(judged.is_cracked.iter().copied());
@@ -41,7 +41,7 @@ impl Found {
 
 /// Every scene of `populations` and every seed by both simulators, as each of `heard` hears it; `tick` is told which part of them
 /// is done.
-pub(super) fn found(
+pub(in crate::chart::panels) fn found(
     bench: &Bench,
     heard: &[Heard],
     populations: &[&[Scene]],

@@ -4,17 +4,17 @@ use anyhow::Result;
 use tapline_process::{BandEdges, DurationEstimator, PeakEstimator, Precision, ProcessConfig, Subtraction};
 use tapline_wire::Discriminator;
 
-use super::readings::{Heard, costs};
-use super::scenes::{self, found};
-use super::{TOLERANCE, point};
+use super::recording::readings::{Heard, costs};
+use super::recording::scenes::{self, found};
+use super::recording::{TOLERANCE, point};
+use super::{Entry, force};
 use crate::chart::Bench;
 use crate::chart::panel::{Facet, Panel, Quantity};
-use crate::chart::panels::{Entry, force};
 use crate::chart::point::Failure;
 use crate::chart::stability;
 use crate::simulated::Simulator;
 
-pub(in crate::chart::panels) const ENTRY: Entry =
+pub(super) const ENTRY: Entry =
     Entry { name: "settings", expected_s: |size| if size.is_full { 110.0 } else { 5.0 }, uses_casings: false, measure };
 
 /// Families of the settings.
