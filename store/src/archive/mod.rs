@@ -28,7 +28,7 @@ use crate::error::{Context, Error, Result};
 use crate::format::layout::{
     CellRow, DiscriminatorsRow, HeaderRow, Key, LedgerRow, PlanRow, ReasonRow, ScanRow, attribute, table,
 };
-use crate::format::lineage::{Digest, Lineage, lineage_key};
+use crate::format::lineage::{Digest, Lineage, lineage_change, lineage_key};
 use crate::h5::file::{abandon, read_handle};
 use crate::h5::samples::ChunkRows;
 use crate::h5::table::Table;
@@ -99,7 +99,8 @@ impl Archive {
             return Err(Error::OtherReference { path: self.path.clone() });
         }
         if self.made_by != lineage.made_by {
-            return Err(Error::other_lineage(&self.path, &self.made_by, lineage.made_by));
+            let (archived, given) = lineage_change(&self.made_by, lineage.made_by);
+            return Err(Error::OtherLineage { path: self.path.clone(), archived, given });
         }
         Ok(())
     }

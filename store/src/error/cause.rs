@@ -6,7 +6,6 @@ use std::path::Path;
 use rustix::io::Errno;
 
 use super::Error;
-use crate::format::lineage::lineage_change;
 
 /// What to do with an archive of layout `got` where only `known` is read.
 pub(super) fn way_out(got: u32, known: u32) -> &'static str {
@@ -17,12 +16,6 @@ impl Error {
     /// The archive at `path` is corrupt: `what` says how.
     pub(crate) fn damaged(path: &Path, what: impl Into<String>) -> Self {
         Self::Damaged { path: path.to_owned(), what: what.into() }
-    }
-
-    /// The error that names an option in which two lineages differ.
-    pub(crate) fn other_lineage(path: &Path, archived: &str, given: &str) -> Self {
-        let (archived, given) = lineage_change(archived, given);
-        Self::OtherLineage { path: path.to_owned(), archived, given }
     }
 
     /// Whether the writer can continue once the cause is gone, for example a full disk: see [`crate::Writer::recover`].
