@@ -168,12 +168,16 @@ impl ArcStatistic {
 
     /// The arc that stands out most; the first and shortest of equals. `None` where no place has a value.
     pub(crate) fn strongest(&self, ring: &Ring, maps: &Maps) -> Option<Arc> {
+        self.strongest_above(f64::NEG_INFINITY, ring, maps)
+    }
+
+    /// The same if it stands out more than `least`; much faster if few arcs do.
+    pub(crate) fn strongest_above(&self, least: f64, ring: &Ring, maps: &Maps) -> Option<Arc> {
         let mut strongest: Option<Arc> = None;
         for (number, (depth, map)) in self.depths.iter().zip(maps).enumerate() {
             for (start, length, sum) in arcs(ring, map, ARC_MAX) {
-                let (scatter, best) =
-                    (&depth.by_length[length - 1], strongest.map_or(f64::NEG_INFINITY, |arc| arc.value));
-                if let Some(value) = scatter.evidence_above(best, &sum) {
+                let best = strongest.map_or(least, |arc| arc.value);
+                if let Some(value) = depth.by_length[length - 1].evidence_above(best, &sum) {
                     strongest = Some(Arc { start, length, depth: number, value });
                 }
             }

@@ -125,8 +125,10 @@ impl Fusion {
         };
         let found = fitted.map(|fitted| {
             let casing: Vec<&Shoulder> = shoulders.iter().collect();
-            let scores = fitted.index.scores(&casing);
             let has_second = casing.iter().any(|shoulder| shoulder.turns.iter().any(|turn| turn.controls.is_some()));
+            // A casing that is its own reference was scored when that was fitted, without second readings.
+            let is_scored = self.who.is_own && !has_second;
+            let scores = if is_scored { fitted.own_scores.clone() } else { fitted.index.scores(&casing) };
             let readings = has_second.then(|| {
                 let alone = |which: &dyn Fn(&usize) -> Shoulder| {
                     let shoulders: Vec<Shoulder> = scans.iter().map(which).collect();

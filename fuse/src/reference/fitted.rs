@@ -28,6 +28,8 @@ pub(crate) struct FittedReference {
     pub casing_count: usize,
     /// Strongest arc of each of its shoulders, judged by the other casings, and the number of its casing.
     pub strongest: Vec<(usize, f64)>,
+    /// What the index says of its own shoulders, where they are what is judged; none of others.
+    pub own_scores: Vec<Scores>,
     /// What noise alone makes of arcs.
     pub white: White,
 }
@@ -37,7 +39,7 @@ impl FittedReference {
     /// edge inwards. `None` where nothing of them varies, or too few places tell how they do.
     pub(crate) fn fit(setup: Setup, offsets: &[usize], shoulders: &[Shoulder]) -> Option<Self> {
         let all: Vec<&Shoulder> = shoulders.iter().collect();
-        let (index, statistic, scores) = learn(&setup, offsets, &all)?;
+        let Learned { index, statistic, all_scores, sound_scores: scores } = learn(&setup, offsets, &all)?;
         let casings: Vec<&[Shoulder]> = shoulders.chunk_by(|a, b| a.casing == b.casing).collect();
         let casing_count = if setup.is_own { 0 } else { casings.len() };
         let strongest: Vec<(usize, f64)> = match casing_count {
@@ -58,7 +60,8 @@ impl FittedReference {
         let values: Vec<f64> = strongest.iter().map(|(_, value)| *value).collect();
         let limits = Limits::by(&values, casing_count, white);
         let levels = if setup.is_own { None } else { Levels::fit(&setup, &all) };
-        Some(Self { setup, index, statistic, limits, levels, casing_count, strongest, white })
+        let own_scores = if setup.is_own { all_scores } else { Vec::new() };
+        Some(Self { setup, index, statistic, limits, levels, casing_count, strongest, own_scores, white })
     }
 
     /// The least rate of false calls that it supports without assuming a distribution; `None` of fewer than two casings.
@@ -67,15 +70,24 @@ impl FittedReference {
     }
 }
 
-type Learned = (Box<dyn Index>, ArcStatistic, Vec<Scores>);
+/// What shoulders teach.
+struct Learned {
+    index: Box<dyn Index>,
+    statistic: ArcStatistic,
+    /// By shoulder, of all its places.
+    all_scores: Vec<Scores>,
+    /// The same of those that teach.
+    sound_scores: Vec<Scores>,
+}
 
 fn learn(setup: &Setup, offsets: &[usize], shoulders: &[&Shoulder]) -> Option<Learned> {
     let sound: Vec<Vec<bool>> = shoulders.iter().map(|shoulder| shoulder.sound()).collect();
     let index = index::fit(setup, shoulders, &sound)?;
-    let mut scores = Vec::new();
+    let mut all_scores = Vec::new();
     for casing in shoulders.chunk_by(|a, b| a.casing == b.casing) {
-        scores.extend(index.scores(casing));
+        all_scores.extend(index.scores(casing));
     }
+    let mut scores = all_scores.clone();
     for (scores, sound) in scores.iter_mut().zip(&sound) {
         scores.hide(sound);
         if setup.is_own {
@@ -89,13 +101,13 @@ fn learn(setup: &Setup, offsets: &[usize], shoulders: &[&Shoulder]) -> Option<Le
     let mut offsets = if is_one { vec![0] } else { offsets.to_vec() };
     offsets.retain(|&offset| scores.iter().any(|scores| scores.by_offset[offset].iter().any(has_value)));
     let statistic = ArcStatistic::fit(offsets, &rings, setup.is_own);
-    Some((index, statistic, scores))
+    Some(Learned { index, statistic, all_scores, sound_scores: scores })
 }
 
 /// The strongest arc of each shoulder of `casing`, judged by all casings but itself, with the casing's number.
 fn left_out(setup: &Setup, offsets: &[usize], shoulders: &[Shoulder], casing: &[Shoulder]) -> Vec<(usize, f64)> {
     let others: Vec<&Shoulder> = shoulders.iter().filter(|shoulder| shoulder.casing != casing[0].casing).collect();
-    let Some((index, statistic, _)) = learn(setup, offsets, &others) else { return Vec::new() };
+    let Some(Learned { index, statistic, .. }) = learn(setup, offsets, &others) else { return Vec::new() };
     let own: Vec<&Shoulder> = casing.iter().collect();
     let strongest = |(shoulder, mut scores): (&Shoulder, Scores)| {
         scores.hide(&shoulder.sound());
