@@ -121,8 +121,13 @@ impl StationConfig {
     /// # Errors
     /// [`Error::Setting`] for the first value out of bounds, missing, or of another source.
     pub fn validate(&self) -> Result<(), Error> {
+        self.check("station")
+    }
+
+    /// The same, where the configuration has it under `table`.
+    fn check(&self, table: &str) -> Result<(), Error> {
         let refuse =
-            |key: &str, value: String, bound: String| Err(Error::setting(format!("station.{key}"), value, bound));
+            |key: &str, value: String, bound: String| Err(Error::setting(format!("{table}.{key}"), value, bound));
         if self.number == 0 {
             return refuse("number", "0".to_owned(), "from 1 to 65535".to_owned());
         }
@@ -161,7 +166,7 @@ impl StationConfig {
             let bound = "HOST:PORT, the port from 1 to 65535, or serial:PATH or serial:PATH@BAUD".to_owned();
             return refuse("rig", format!("{rig:?}"), bound);
         }
-        self.rig_times()?;
+        self.rig_times(table)?;
         if self.first_casing == 0 {
             return refuse("first_casing", "0".to_owned(), "at least 1".to_owned());
         }
@@ -169,10 +174,10 @@ impl StationConfig {
     }
 
     /// How long its rig may be away, may take to answer, and to find its home.
-    fn rig_times(&self) -> Result<[Duration; 3], Error> {
+    fn rig_times(&self, table: &str) -> Result<[Duration; 3], Error> {
         let time = |key: &str, time_s: f64| {
             let time = Duration::try_from_secs_f64(time_s).ok().filter(|_| (0.001..=TIME_MAX_S).contains(&time_s));
-            time.ok_or_else(|| Error::setting(format!("station.{key}"), time_s, format!("from 0.001 to {TIME_MAX_S}")))
+            time.ok_or_else(|| Error::setting(format!("{table}.{key}"), time_s, format!("from 0.001 to {TIME_MAX_S}")))
         };
         Ok([
             time("rig_patience_s", self.rig_patience_s)?,
@@ -196,8 +201,9 @@ pub fn validate_stations(stations: &[StationConfig]) -> Result<(), Error> {
     let mut numbers = BTreeMap::new();
     let mut sources: BTreeMap<(&str, &Path), u16> = BTreeMap::new();
     for (place, station) in stations.iter().enumerate() {
-        station.validate()?;
-        let key = |field: &str| format!("station[{place}].{field}");
+        let table = format!("station[{place}]");
+        station.check(&table)?;
+        let key = |field: &str| format!("{table}.{field}");
         if let Some(first) = numbers.insert(station.number, place) {
             let bound = format!("another number than that of station[{first}]");
             return Err(Error::setting(key("number"), station.number, bound));
@@ -242,7 +248,7 @@ pub fn open_station(
             Box::new(ByHand::open(device, station.serial_file.clone(), number, scan, &capture, wake)?)
         }
         (StationSource::Rig | StationSource::Alsa | StationSource::Uldaq, _, Some(address), _) => {
-            let [patience, timeout, home_timeout] = station.rig_times()?;
+            let [patience, timeout, home_timeout] = station.rig_times("station")?;
             let rig = RigConfig {
                 address: address.clone(),
                 patience,
@@ -291,32 +297,32 @@ mod tests {
         for (text, want) in [
             (one("source = \"usb\""), "unknown variant `usb`"),
             (one("source = \"rig\"\nrig = \"h:1\"\nspeed = 1"), "unknown field `speed`"),
-            (one("source = \"folder\""), "station.folder is left out; it must be given, as source is \"folder\""),
-            (one("source = \"rig\""), "station.rig is left out; it must be given"),
-            (one("source = \"rig\"\nrig = \"h:0\""), "station.rig is \"h:0\"; it must be HOST:PORT"),
+            (one("source = \"folder\""), "station[0].folder is left out; it must be given, as source is \"folder\""),
+            (one("source = \"rig\""), "station[0].rig is left out; it must be given"),
+            (one("source = \"rig\"\nrig = \"h:0\""), "station[0].rig is \"h:0\"; it must be HOST:PORT"),
             (one("source = \"rig\"\nrig = \"serial:/dev/ttyUSB0@fast\""), "or serial:PATH@BAUD"),
-            (one("source = \"rig\"\nrig = \"\""), "station.rig is \"\""),
+            (one("source = \"rig\"\nrig = \"\""), "station[0].rig is \"\""),
             (
                 one("source = \"rig\"\nrig = \"h:1\"\nfolder = \"x\""),
-                "station.folder is x; it must be left out, as source is not \"folder\"",
+                "station[0].folder is x; it must be left out, as source is not \"folder\"",
             ),
-            (one("source = \"alsa\""), "station.device is left out; it must be given, as source is \"alsa\""),
+            (one("source = \"alsa\""), "station[0].device is left out; it must be given, as source is \"alsa\""),
             (
                 one("source = \"alsa\"\ndevice = \"hw:0\"\nrig = \"h:1\"\nserial_file = \"x\""),
-                "station.serial_file is x; it must be left out, as the rig tells the serial",
+                "station[0].serial_file is x; it must be left out, as the rig tells the serial",
             ),
-            (one("source = \"uldaq\""), "station.device is left out; it must be given, as source is \"uldaq\""),
+            (one("source = \"uldaq\""), "station[0].device is left out; it must be given, as source is \"uldaq\""),
             (
                 one("source = \"rig\"\nrig = \"h:1\"\ndevice = \"hw:0\""),
-                "station.device is hw:0; it must be left out, as source is not \"alsa\"",
+                "station[0].device is hw:0; it must be left out, as source is not \"alsa\"",
             ),
-            (one("source = \"rig\"\nrig = \"h:1\"\ncasings = 2"), "station.casings is 2; it must be left out"),
+            (one("source = \"rig\"\nrig = \"h:1\"\ncasings = 2"), "station[0].casings is 2; it must be left out"),
             (
                 one("source = \"rig\"\nrig = \"h:1\"\nrig_patience_s = nan"),
-                "station.rig_patience_s is NaN; it must be from 0.001",
+                "station[0].rig_patience_s is NaN; it must be from 0.001",
             ),
-            (one("source = \"simulated\"\nfirst_casing = 0"), "station.first_casing is 0"),
-            (one("source = \"simulated\"").replace("= 1", "= 0"), "station.number is 0; it must be from 1 to 65535"),
+            (one("source = \"simulated\"\nfirst_casing = 0"), "station[0].first_casing is 0"),
+            (one("source = \"simulated\"").replace("= 1", "= 0"), "station[0].number is 0; it must be from 1 to 65535"),
             (
                 one("source = \"simulated\"").repeat(2),
                 "station[1].number is 1; it must be another number than that of station[0]",

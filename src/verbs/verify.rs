@@ -91,8 +91,11 @@ fn print(
     use tapline_store::Error;
     let report = match checked {
         Err(
-            error
-            @ (Error::Damaged { .. } | Error::Hdf5 { .. } | Error::NotAnArchive { .. } | Error::OtherUnits { .. }),
+            error @ (Error::Damaged { .. }
+            | Error::Hdf5 { .. }
+            | Error::NotHdf5 { .. }
+            | Error::NotAnArchive { .. }
+            | Error::OtherUnits { .. }),
         ) => {
             return report_unreadable(archive, &error.to_string(), as_json, is_of_many);
         }
