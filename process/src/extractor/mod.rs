@@ -13,6 +13,7 @@ use crate::force::{Pulse, PulseFinder, peak_at};
 use crate::quality::{
     self, ForceRecord, QualityReport, SoundRecord, check_force, check_sound, fill_means, stands_still,
 };
+use crate::signal::aligned::Aligned;
 use crate::signal::area::area;
 use crate::signal::baseline::{Medians, baseline_count};
 use crate::signal::blocks::Blocks;
@@ -38,7 +39,7 @@ pub struct Extractor<T: Real> {
     means: Vec<f32>,
     /// [`balance`](quality::balance) of the last tap's force, where it has one.
     force_balance: Option<f64>,
-    signal: Vec<T>,
+    signal: Aligned<T>,
     spectrum: Spectrum<T>,
     /// Whether the last tap's flexural band was too faint for single precision.
     is_faint: bool,
@@ -59,7 +60,7 @@ impl<T: Real> Extractor<T> {
             blocks: Blocks::default(),
             means: Vec::new(),
             force_balance: None,
-            signal: Vec::new(),
+            signal: Aligned::new(),
             spectrum: Spectrum::new(),
             is_faint: false,
         })
@@ -180,7 +181,7 @@ impl<T: Real> Extractor<T> {
         let known = if C::NEEDS_GAIN { Some(checked(track, Extent::find(track.samples))?) } else { None };
         let gain = known.map_or(1.0, |extent| extent.gain(base));
         let mut extremes = Extremes::of(*track.samples.first().ok_or(Quality::NON_FINITE)?);
-        self.signal.resize(track.samples.len(), T::zero());
+        self.signal.resize(track.samples.len());
         let centred = |from: usize, to: &mut [T]| {
             let samples = &track.samples[from..][..to.len()];
             if !C::NEEDS_GAIN {

@@ -6,6 +6,13 @@ use pulp::x86::V4;
 use crate::signal::record::{Count, Key};
 use crate::signal::wide::Kernel;
 
+/// Where in the range of a few hundred normal values their median lies, and that of their distances from it.
+const MEDIAN_OF_NORMAL: f32 = 0.5;
+const MEDIAN_DISTANCE_OF_NORMAL: f32 = 0.22;
+
+/// How often a median is looked for around a guess.
+const GUESSES: u32 = 2;
+
 /// Number of samples that the baseline is computed from: the first floor(0.75 p) of a record of `sample_count`.
 ///
 /// `None` if there are none, or if the trigger lies outside the record, because p is wrong then.
@@ -23,32 +30,47 @@ pub(crate) struct Medians {
 impl Medians {
     /// Median of `samples` in counts; the mean of the middle two if their number is even, 0 if there are none.
     pub(crate) fn median<C: Count>(&mut self, samples: &[C]) -> f64 {
-        self.middle(samples, |x| x.key(), |key| C::from_key(key).into())
+        self.middle(samples, MEDIAN_OF_NORMAL, |x| x.key(), |key| C::from_key(key).into())
     }
 
     /// Standard deviation of `samples` around `base`, which is a median of samples. It is estimated as 1.4826 times the
     /// median of their magnitudes, so that an impact that began too early does not count as noise, and is never below
     /// the converter's rounding.
     pub(crate) fn noise_counts<C: Count>(&mut self, samples: &[C], base: f64) -> f64 {
-        let sigma = 1.4826 * self.middle(samples, |x| x.distance_key(base), |key| C::from_distance_key(key, base));
+        let middle = self.middle(
+            samples,
+            MEDIAN_DISTANCE_OF_NORMAL,
+            |x| x.distance_key(base),
+            |key| C::from_distance_key(key, base),
+        );
+        let sigma = 1.4826 * middle;
         if sigma > C::ROUNDING_COUNTS { sigma } else { C::ROUNDING_COUNTS }
     }
 
-    /// The mean of the middle two by `key` as values `from_key`; 0 if there are none.
-    fn middle<C: Count>(&mut self, samples: &[C], key: impl Fn(C) -> C::Key, from_key: impl Fn(C::Key) -> f64) -> f64 {
+    /// The mean of the middle two by `key` as values `from_key`; 0 if there are none. They are first looked for `at` this part of the
+    /// keys' range.
+    fn middle<C: Count>(
+        &mut self,
+        samples: &[C],
+        at: f32,
+        key: impl Fn(C) -> C::Key,
+        from_key: impl Fn(C::Key) -> f64,
+    ) -> f64 {
         self.keys.resize(samples.len(), 0);
         let keys = &mut bytemuck::cast_slice_mut(&mut self.keys)[..samples.len()];
-        let middle = Middle { samples, key, keys }.wide();
+        let middle = Middle { samples, at, key, keys }.wide();
         middle.map_or(0.0, |(lower, upper)| f64::midpoint(from_key(lower), from_key(upper)))
     }
 }
 
 /// The middle two of the `samples` by their `key`, equal if their number is odd; `None` if there are none. Fills `keys`.
 ///
-/// Counting the keys below a value uses vectors, where sorting needs comparisons: the range of the median is quartered
-/// up to 16 times.
+/// Counting the keys below a value uses vectors, where sorting needs comparisons. Two narrow guesses are tried first, which hold for
+/// most noise; then the range of the median is quartered up to 16 times.
 struct Middle<'a, C: Count, F> {
     samples: &'a [C],
+    /// The first guess, as a part of the keys' range.
+    at: f32,
     key: F,
     keys: &'a mut [C::Key],
 }
@@ -72,7 +94,7 @@ impl<C: Count, F: Fn(C) -> C::Key> Middle<'_, C, F> {
     /// The middle two; `counts` says for each of three values how many keys do not exceed it.
     #[inline(always)]
     fn find(self, counts: impl Fn(&[C::Key], [C::Key; 3]) -> [usize; 3]) -> Option<(C::Key, C::Key)> {
-        let Self { samples, key, keys } = self;
+        let Self { samples, at, key, keys } = self;
         let first = key(*samples.first()?);
         let (mut low, mut high) = (first, first);
         for (to, &x) in keys.iter_mut().zip(samples) {
@@ -82,32 +104,42 @@ impl<C: Count, F: Fn(C) -> C::Key> Middle<'_, C, F> {
             high = high.max(key);
         }
         let keys = &*keys;
-        let least = low;
         // The upper of the two is the least value that more than half of the keys do not exceed.
         let half = keys.len() / 2;
-        // How many keys are below `low`.
-        let mut below = 0;
-        while low < high {
-            let (from, to) = (low.into(), high.into());
-            let step = (to - from) / 4 + 1;
-            // The last values of all quarters but the last; a quarter beyond the range is empty.
-            let at = [1, 2, 3].map(|quarter| C::Key::try_from(from + quarter * step - 1).unwrap_or(high));
-            let counts = counts(keys, at);
+        let (mut from, mut to): (i64, i64) = (low.into(), high.into());
+        // How many keys are below `from`, and how many do not exceed `to`.
+        let (mut below, mut through) = (0, keys.len());
+        let mut guesses = 0;
+        while from < to {
+            let width = to - from + 1;
+            let pivots = if guesses < GUESSES && width > 4 {
+                // Then where it lies if all values of the range are equally frequent.
+                let part = if guesses == 0 { at } else { (half - below) as f32 / (through - below) as f32 };
+                let (guess, reach) = (from + (part * width as f32) as i64, (width / 16).max(1));
+                guesses += 1;
+                [guess - reach, guess, guess + reach]
+            } else {
+                // The last values of all quarters but the last.
+                let step = (width - 1) / 4 + 1;
+                [1, 2, 3].map(|quarter| from + quarter * step - 1)
+            };
+            let pivots = pivots.map(|pivot| pivot.clamp(from, to - 1));
+            let counts = counts(keys, pivots.map(|pivot| C::Key::try_from(pivot).unwrap_or(low)));
             // Arithmetic instead of branches, which could not be predicted.
-            let quarter: i64 = counts.map(|count| i64::from(count <= half)).iter().sum();
-            below = counts.into_iter().fold(below, |below, count| if count <= half { count } else { below });
-            let from = from + quarter * step;
-            let last = from + step - 1;
-            let (first, last) = (C::Key::try_from(from), C::Key::try_from(if last < to { last } else { to }));
-            (low, high) = (first.unwrap_or(high), last.unwrap_or(high));
+            for (pivot, count) in pivots.into_iter().zip(counts) {
+                (from, below) = if count <= half { (pivot + 1, count) } else { (from, below) };
+            }
+            for (pivot, count) in pivots.into_iter().zip(counts).rev() {
+                (to, through) = if count > half { (pivot, count) } else { (to, through) };
+            }
         }
-        let upper = low;
+        let upper = C::Key::try_from(from).unwrap_or(high);
         if !keys.len().is_multiple_of(2) || below < half {
             return Some((upper, upper));
         }
-        let mut lower = least;
+        let mut lower = low;
         for &key in keys {
-            lower = lower.max(if key < upper { key } else { least });
+            lower = lower.max(if key < upper { key } else { low });
         }
         Some((lower, upper))
     }
@@ -137,8 +169,8 @@ mod tests {
     use super::*;
     use crate::signal::wide::in_all_vectors;
 
-    fn middle<C: Count, F: Fn(C) -> C::Key>(samples: &[C], key: F) -> Middle<'_, C, F> {
-        Middle { samples, key, keys: vec![bytemuck::Zeroable::zeroed(); samples.len()].leak() }
+    fn middle<C: Count, F: Fn(C) -> C::Key>(samples: &[C], at: f32, key: F) -> Middle<'_, C, F> {
+        Middle { samples, at, key, keys: vec![bytemuck::Zeroable::zeroed(); samples.len()].leak() }
     }
 
     /// Floats that have the bits of `keys`, and a key's.
@@ -191,29 +223,31 @@ mod tests {
         }
 
         /// Catches a bracket that leaves the middle out where the range of keys ends, and equal keys: few of them, close
-        /// together at either end.
+        /// together at either end, and a guess that is far from them.
         #[test]
-        fn middles_at_the_ends_of_the_range(steps in prop::collection::vec(0_i16..7, 1..8), is_at_top: bool) {
+        fn middles_at_the_ends_of_the_range(
+            steps in prop::collection::vec(0_i16..50, 1..50), is_at_top: bool, at in 0.0..1.0_f32
+        ) {
             let end = if is_at_top { (i16::MAX, i32::MAX, -1) } else { (i16::MIN, i32::MIN, 1) };
             let keys: Vec<i16> = steps.iter().map(|step| end.0 + end.2 * step).collect();
             let wide: Vec<i32> = steps.iter().map(|&step| end.1 + i32::from(end.2 * step)).collect();
             let mut sorted = keys.clone();
             sorted.sort_unstable();
             let expected = (sorted[(keys.len() - 1) / 2], sorted[keys.len() / 2]);
-            prop_assert_eq!(middle(&keys, |x: i16| x).wide(), Some(expected));
+            prop_assert_eq!(middle(&keys, at, |x: i16| x).wide(), Some(expected));
             let widened = |key: i16| end.1 + (i32::from(key) - i32::from(end.0));
             let expected = Some((widened(expected.0), widened(expected.1)));
-            prop_assert_eq!(middle(&as_floats(&wide), of_float).wide(), expected);
+            prop_assert_eq!(middle(&as_floats(&wide), at, of_float).wide(), expected);
         }
 
         /// Catches middles that differ with the machine's vectors.
         #[test]
-        fn middles_are_the_same_on_every_machine(keys in prop::collection::vec(any::<i32>(), 0..90)) {
+        fn middles_are_the_same_on_every_machine(keys in prop::collection::vec(any::<i32>(), 0..90), at in 0.0..1.0_f32) {
             let mut sorted = keys.clone();
             sorted.sort_unstable();
             let expected = sorted.get(keys.len() / 2).map(|&upper| (sorted[(keys.len() - 1) / 2], upper));
             let samples = as_floats(&keys);
-            prop_assert_eq!(in_all_vectors(|| middle(&samples, of_float)), [expected; 3]);
+            prop_assert_eq!(in_all_vectors(|| middle(&samples, at, of_float)), [expected; 3]);
         }
     }
 

@@ -1,5 +1,6 @@
 //! The samples of a record, and what every discriminator needs first: levels, extents, sums.
 
+pub(crate) mod aligned;
 pub(crate) mod area;
 pub(crate) mod baseline;
 pub(crate) mod blocks;
