@@ -7,12 +7,12 @@ use crate::shoulder::ring::Ring;
 /// Most arcs that are looked for; more would be damage all round.
 const ARCS_MAX: usize = 32;
 
-/// The arcs above `limit`, strongest first; none shares a place with another.
+/// The arcs that reach `limit`, strongest first; none shares a place with another.
 pub(crate) fn arcs_above(statistic: &ArcStatistic, ring: &Ring, maps: &Maps, limit: f64) -> Vec<Arc> {
     let mut left = maps.clone();
     let mut found = Vec::new();
     while found.len() < ARCS_MAX
-        && let Some(arc) = statistic.strongest_above(limit, ring, &left)
+        && let Some(arc) = statistic.strongest_above(limit.next_down(), ring, &left)
     {
         for place in ring.from(arc.start).take(arc.length) {
             left.iter_mut().for_each(|map| map[place] = ABSENT);

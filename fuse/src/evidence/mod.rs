@@ -33,7 +33,7 @@ static INVERSE_ROOTS: LazyLock<[f64; 64]> =
     LazyLock::new(|| std::array::from_fn(|count| if count > 0 { 1.0 / (count as f64).sqrt() } else { f64::NAN }));
 
 /// What rounding may take from a bound, as a part of its square.
-pub(crate) const ROUNDING: f64 = 1e-9;
+const ROUNDING: f64 = 1e-9;
 
 /// Whether anything is known of a place.
 pub(crate) fn has_value(scores: &Vector) -> bool {
@@ -77,7 +77,7 @@ impl Sum {
 }
 
 /// The sum of the products, in four lanes, so that the compiler can use vectors.
-pub(crate) fn dot(a: &Vector, b: &Vector) -> f64 {
+fn dot(a: &Vector, b: &Vector) -> f64 {
     let mut lanes = [0.0; 4];
     a.iter().zip(b).enumerate().for_each(|(d, (a, b))| lanes[d % 4] += a * b);
     (lanes[0] + lanes[2]) + (lanes[1] + lanes[3])

@@ -39,7 +39,7 @@ impl FittedReference {
     /// edge inwards. `None` where nothing of them varies, or too few places tell how they do.
     pub(crate) fn fit(setup: Setup, offsets: &[usize], shoulders: &[Shoulder]) -> Option<Self> {
         let all: Vec<&Shoulder> = shoulders.iter().collect();
-        let Learned { index, statistic, all_scores, sound_scores: scores } = learn(&setup, offsets, &all)?;
+        let Learned { index, statistic, own_scores, sound_scores: scores } = learn(&setup, offsets, &all)?;
         let casings: Vec<&[Shoulder]> = shoulders.chunk_by(|a, b| a.casing == b.casing).collect();
         let casing_count = if setup.is_own { 0 } else { casings.len() };
         let strongest: Vec<(usize, f64)> = match casing_count {
@@ -60,7 +60,6 @@ impl FittedReference {
         let values: Vec<f64> = strongest.iter().map(|(_, value)| *value).collect();
         let limits = Limits::by(&values, casing_count, white);
         let levels = if setup.is_own { None } else { Levels::fit(&setup, &all) };
-        let own_scores = if setup.is_own { all_scores } else { Vec::new() };
         Some(Self { setup, index, statistic, limits, levels, casing_count, strongest, own_scores, white })
     }
 
@@ -74,20 +73,20 @@ impl FittedReference {
 struct Learned {
     index: Box<dyn Index>,
     statistic: ArcStatistic,
-    /// By shoulder, of all its places.
-    all_scores: Vec<Scores>,
-    /// The same of those that teach.
+    /// As in [`FittedReference`].
+    own_scores: Vec<Scores>,
+    /// By shoulder, of the places that teach.
     sound_scores: Vec<Scores>,
 }
 
 fn learn(setup: &Setup, offsets: &[usize], shoulders: &[&Shoulder]) -> Option<Learned> {
     let sound: Vec<Vec<bool>> = shoulders.iter().map(|shoulder| shoulder.sound()).collect();
     let index = index::fit(setup, shoulders, &sound)?;
-    let mut all_scores = Vec::new();
+    let mut scores = Vec::new();
     for casing in shoulders.chunk_by(|a, b| a.casing == b.casing) {
-        all_scores.extend(index.scores(casing));
+        scores.extend(index.scores(casing));
     }
-    let mut scores = all_scores.clone();
+    let own_scores = if setup.is_own { scores.clone() } else { Vec::new() };
     for (scores, sound) in scores.iter_mut().zip(&sound) {
         scores.hide(sound);
         if setup.is_own {
@@ -101,7 +100,7 @@ fn learn(setup: &Setup, offsets: &[usize], shoulders: &[&Shoulder]) -> Option<Le
     let mut offsets = if is_one { vec![0] } else { offsets.to_vec() };
     offsets.retain(|&offset| scores.iter().any(|scores| scores.by_offset[offset].iter().any(has_value)));
     let statistic = ArcStatistic::fit(offsets, &rings, setup.is_own);
-    Some(Learned { index, statistic, all_scores, sound_scores: scores })
+    Some(Learned { index, statistic, own_scores, sound_scores: scores })
 }
 
 /// The strongest arc of each shoulder of `casing`, judged by all casings but itself, with the casing's number.

@@ -15,12 +15,12 @@ pub(crate) struct Aligned<T> {
 }
 
 impl<T: Pod> Aligned<T> {
-    /// None.
+    /// Without values.
     pub(crate) fn new() -> Self {
         Self { lines: Vec::new(), count: 0, of: PhantomData }
     }
 
-    /// Makes it `count` values long; new ones are 0.
+    /// Makes it `count` values long; new ones are any.
     pub(crate) fn resize(&mut self, count: usize) {
         self.lines.resize((count * size_of::<T>()).div_ceil(size_of::<CacheLine>()), CacheLine::default());
         self.count = count;

@@ -47,8 +47,8 @@ impl Medians {
         if sigma > C::ROUNDING_COUNTS { sigma } else { C::ROUNDING_COUNTS }
     }
 
-    /// The mean of the middle two by `key` as values `from_key`; 0 if there are none. They are first looked for `at` this part of the
-    /// keys' range.
+    /// The mean of the middle two by `key` as values `from_key`; 0 if there are none. Those of integers are first looked for `at` this part
+    /// of the range.
     fn middle<C: Count>(
         &mut self,
         samples: &[C],
@@ -65,11 +65,11 @@ impl Medians {
 
 /// The middle two of the `samples` by their `key`, equal if their number is odd; `None` if there are none. Fills `keys`.
 ///
-/// Counting the keys below a value uses vectors, where sorting needs comparisons. Two narrow guesses are tried first, which hold for
-/// most noise; then the range of the median is quartered up to 16 times.
+/// Counting the keys below a value uses vectors, where sorting needs comparisons. Of integers two narrow guesses are tried first, which hold
+/// for most noise; then the range of the median is quartered up to 16 times.
 struct Middle<'a, C: Count, F> {
     samples: &'a [C],
-    /// The first guess, as a part of the keys' range.
+    /// The first guess at where the middle of integers lies, as a part of their range.
     at: f32,
     key: F,
     keys: &'a mut [C::Key],
@@ -110,9 +110,11 @@ impl<C: Count, F: Fn(C) -> C::Key> Middle<'_, C, F> {
         // How many keys are below `from`, and how many do not exceed `to`.
         let (mut below, mut through) = (0, keys.len());
         let mut guesses = 0;
+        // The keys of floats are no scale on which a part of the range is a guess.
+        let guesses_max = if C::NEEDS_GAIN { 0 } else { GUESSES };
         while from < to {
             let width = to - from + 1;
-            let pivots = if guesses < GUESSES && width > 4 {
+            let pivots = if guesses < guesses_max && width > 4 {
                 // Then where it lies if all values of the range are equally frequent.
                 let part = if guesses == 0 { at } else { (half - below) as f32 / (through - below) as f32 };
                 let (guess, reach) = (from + (part * width as f32) as i64, (width / 16).max(1));

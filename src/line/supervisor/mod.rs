@@ -215,6 +215,7 @@ impl<'a> Supervisor<'a> {
                         None => {
                             let station = u16::try_from(header.station).unwrap_or(u16::MAX);
                             self.audience.wires.iter().for_each(|wires| wires.opened(station));
+                            self.settled_before += header.settled_before_count as usize;
                             self.open.push(Open { number, name, header, layout, ledger: None });
                         }
                     }
@@ -222,10 +223,6 @@ impl<'a> Supervisor<'a> {
                 Some(RecordKind::Ledger) => {
                     if let Some(casing) = self.open.iter_mut().find(|casing| casing.number == number) {
                         casing.header = header;
-                        if casing.ledger.is_none() {
-                            // Settled before this process started.
-                            self.settled_before += (header.archived_count + header.refused_count) as usize;
-                        }
                         casing.ledger = Ledger::decode(&header, &record).or(casing.ledger.take());
                     }
                 }

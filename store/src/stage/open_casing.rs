@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::ops::Range;
 use std::time::Instant;
 
-use tapline_wire::{CasingHeader, Ledger, Plan, ScanState, Stamp, casing_number};
+use tapline_wire::{CasingHeader, Ledger, Plan, ScanState, Stamp, TapState, casing_number};
 
 use super::places::{name_of_open, stem_of};
 use crate::write::Writer;
@@ -44,6 +44,8 @@ pub(super) struct OpenCasing {
     pub(super) supervisor_sent_at: Option<Instant>,
     /// Whether no taps can be added any more.
     pub(super) is_full: bool,
+    /// Taps that were settled when it was opened.
+    settled_before_count: u32,
 }
 
 impl OpenCasing {
@@ -52,6 +54,7 @@ impl OpenCasing {
         let name = name_of_open(&stem);
         let station = writer.plan().scans().first().map_or(0, |scan| scan.station);
         let scans = writer.ledger().scans().to_vec();
+        let settled = writer.ledger().count(TapState::Archived) + writer.ledger().count(TapState::Refused);
         let mut casing = Self {
             number: casing_number(&stem),
             name,
@@ -68,6 +71,7 @@ impl OpenCasing {
             supervisor: Due::ALL,
             supervisor_sent_at: None,
             is_full: false,
+            settled_before_count: u32::try_from(settled).unwrap_or(u32::MAX),
         };
         casing.replay_ended();
         casing
@@ -131,7 +135,8 @@ impl OpenCasing {
     pub(super) fn header(&self) -> CasingHeader {
         let room = if self.is_full { 0 } else { self.writer.room() };
         let room = u32::try_from(room).unwrap_or(u32::MAX);
-        CasingHeader { room, ..Self::header_of(self.number, self.writer.plan()) }
+        let settled_before_count = self.settled_before_count;
+        CasingHeader { room, settled_before_count, ..Self::header_of(self.number, self.writer.plan()) }
     }
 
     /// The header of notices about a casing with this number and plan.

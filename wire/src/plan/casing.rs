@@ -55,8 +55,8 @@ pub struct CasingHeader {
     pub refused_count: u32,
     /// 1 while the archive cannot be written, else 0.
     pub is_stalled: u32,
-    /// Nothing: room to the next multiple of 8 bytes.
-    pub reserved: u32,
+    /// Taps that were in the archive or refused before it was opened.
+    pub settled_before_count: u32,
 }
 
 /// What a station proposes: a casing of this name, with this plan, to which its source can add `room` taps. Bytes behind a `Plan`
