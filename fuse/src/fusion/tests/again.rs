@@ -62,3 +62,21 @@ fn a_newer_record_makes_another_verdict() {
     }
     assert_eq!(fusion.ready(), [0_usize; 0]);
 }
+
+#[test]
+fn a_casing_by_itself_has_the_scores_of_its_index() {
+    // Catches scores that are kept of the places that teach alone: what stands out is hidden there. A cracked shoulder, and both indices.
+    let casing = Casing { location_count: 40, ..small() };
+    let (plan, cracked) = (casing.plan(), 3..8);
+    let mut all = records(&casing, &plan, 3);
+    for record in all.iter_mut().filter(|record| record.id.shoulder == 1 && cracked.contains(&record.id.location)) {
+        record.values.set(Discriminator::Tau, record.values.get(Discriminator::Tau).map(|tau| 1.5 * tau));
+    }
+    for index in [IndexKind::Fused, IndexKind::Dissertation] {
+        let mut fusion = whole(&FuseConfig { index, ..FuseConfig::by(Reference::Own) }, &plan, &all);
+        let compared = fusion.compared(0);
+        let found = compared.found.as_ref().unwrap();
+        let anew = found.fitted.index.scores(&compared.shoulders.iter().collect::<Vec<_>>());
+        assert_eq!(format!("{:?}", found.scores), format!("{anew:?}"), "{index:?}");
+    }
+}
