@@ -76,18 +76,18 @@ pub(crate) fn strongest_arcs(
 /// statistic of noise. That is much faster, as arcs of every length scatter alike: the length of a sum of whitened scores tells what an
 /// arc, and the opposite one, show at most, and few arcs are looked at.
 fn strongest_above(least: f64, statistic: &ArcStatistic, ring: &Ring, maps: &Maps) -> [Option<f64>; 2] {
-    // `ring` has a place: no reference without one is fitted.
+    // There is a first place: of a ring without places no reference is fitted.
     let mut most = [least; 2];
-    let lengths: Vec<usize> = (0..ring.len()).map(|start| ring.from(start).take(ARC_MAX).count()).collect();
     for (scatter, map) in statistic.of_places().zip(maps) {
         let mut arcs = Whitened::of(scatter, map);
         for length in 1..=ARC_MAX {
             arcs.grow(length);
-            for (start, _) in lengths.iter().enumerate().filter(|(_, longest)| length <= **longest) {
+            for start in 0..ring.len() {
                 let lesser = if most[0] < most[1] { most[0] } else { most[1] };
                 if arcs.is_bounded_by(start, lesser) {
                     continue;
                 }
+                // Where the ring has an end, or is shorter, this is an arc that was looked at before.
                 let mut scores = Sum::default();
                 ring.from(start).take(length).for_each(|place| scores.add(&map[place]));
                 let scores = scores.over_root();

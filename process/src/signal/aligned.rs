@@ -20,7 +20,7 @@ impl<T: Pod> Aligned<T> {
         Self { lines: Vec::new(), count: 0, of: PhantomData }
     }
 
-    /// Makes it `count` values long; new ones are any.
+    /// Makes it `count` values long, whatever they are: the caller writes all of them.
     pub(crate) fn resize(&mut self, count: usize) {
         self.lines.resize((count * size_of::<T>()).div_ceil(size_of::<CacheLine>()), CacheLine::default());
         self.count = count;
