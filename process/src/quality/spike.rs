@@ -46,12 +46,13 @@ impl<C: Count> Kernel for Deviations<'_, C> {
         let kink = KINK / pulse.len() as f64;
         // Numbers of windows, counted from the first, that lie within the pulse.
         let inside = pulse.start.saturating_sub(first)..(pulse.end.saturating_sub(2 * REACH)).saturating_sub(first);
-        let limit = |ratio: f64| if ratio * peak > of_noise { ratio * peak } else { of_noise };
+        // Six times all of it, which spares divisions.
+        let limit = |ratio: f64| 6.0 * if ratio * peak > of_noise { ratio * peak } else { of_noise };
         let (limit_inside, limit_outside) = (limit(ratio_max), limit(if kink < ratio_max { ratio_max } else { kink }));
         let mut is_any = false;
         for (number, &window) in beside.array_windows().enumerate() {
             let [a, b, x, c, d] = window.map(Into::<f64>::into);
-            let deviation = (x - (4.0 * (b + c) - (a + d)) / 6.0).abs();
+            let deviation = (6.0 * x - (4.0 * (b + c) - (a + d))).abs();
             let is_inside = (number >= inside.start) & (number < inside.end);
             is_any |= deviation > if is_inside { limit_inside } else { limit_outside };
         }

@@ -6,12 +6,14 @@ use pulp::x86::V4;
 use crate::signal::record::{Count, Key};
 use crate::signal::wide::Kernel;
 
-/// Where in the range of a few hundred normal values their median lies, and that of their distances from it.
-const MEDIAN_OF_NORMAL: f32 = 0.5;
-const MEDIAN_DISTANCE_OF_NORMAL: f32 = 0.22;
+/// The median of normal values as a part of their mean, and that of their distances from it.
+const MEDIAN_OF_NORMAL: f32 = 1.0;
+const MEDIAN_DISTANCE_OF_NORMAL: f32 = 0.845;
 
 /// How often a median is looked for around a guess.
 const GUESSES: u32 = 2;
+/// Of a few hundred normal values, and of their distances, the median is mostly within a 48th of their range of the guess.
+const REACH: i64 = 48;
 
 /// Number of samples that the baseline is computed from: the first floor(0.75 p) of a record of `sample_count`.
 ///
@@ -48,7 +50,7 @@ impl Medians {
     }
 
     /// The mean of the middle two by `key` as values `from_key`; 0 if there are none. Those of integers are first looked for `at` this part
-    /// of the range.
+    /// of the mean.
     fn middle<C: Count>(
         &mut self,
         samples: &[C],
@@ -69,7 +71,7 @@ impl Medians {
 /// for most noise; then the range of the median is quartered up to 16 times.
 struct Middle<'a, C: Count, F> {
     samples: &'a [C],
-    /// The first guess at where the middle of integers lies, as a part of their range.
+    /// The first guess at where the middle of integers lies, as a part of their mean; both counted from the least.
     at: f32,
     key: F,
     keys: &'a mut [C::Key],
@@ -96,12 +98,13 @@ impl<C: Count, F: Fn(C) -> C::Key> Middle<'_, C, F> {
     fn find(self, counts: impl Fn(&[C::Key], [C::Key; 3]) -> [usize; 3]) -> Option<(C::Key, C::Key)> {
         let Self { samples, at, key, keys } = self;
         let first = key(*samples.first()?);
-        let (mut low, mut high) = (first, first);
+        let (mut low, mut high, mut sum) = (first, first, 0_i32);
         for (to, &x) in keys.iter_mut().zip(samples) {
             let key = key(x);
             *to = key;
             low = low.min(key);
             high = high.max(key);
+            sum = sum.wrapping_add(key.into() as i32);
         }
         let keys = &*keys;
         // The upper of the two is the least value that more than half of the keys do not exceed.
@@ -115,9 +118,15 @@ impl<C: Count, F: Fn(C) -> C::Key> Middle<'_, C, F> {
         while from < to {
             let width = to - from + 1;
             let pivots = if guesses < guesses_max && width > 4 {
-                // Then where it lies if all values of the range are equally frequent.
-                let part = if guesses == 0 { at } else { (half - below) as f32 / (through - below) as f32 };
-                let (guess, reach) = (from + (part * width as f32) as i64, (width / 16).max(1));
+                let (guess, reach) = if guesses == 0 {
+                    // A sum that has overflowed is a bad guess, and no more.
+                    let mean = sum as f32 / keys.len() as f32 - from as f32;
+                    (from + (at * mean) as i64, (width / REACH).max(1))
+                } else {
+                    // Where it lies if all values of the range are equally frequent.
+                    let part = (half - below) as f32 / (through - below) as f32;
+                    (from + (part * width as f32) as i64, (width / 16).max(1))
+                };
                 guesses += 1;
                 [guess - reach, guess, guess + reach]
             } else {

@@ -33,7 +33,7 @@ pub(crate) trait Count: Copy + PartialOrd + Into<f64> {
     fn distance_key(self, base: f64) -> Self::Key;
     /// The distance from `base` that has the key `key`.
     fn from_distance_key(key: Self::Key, base: f64) -> f64;
-    /// (sample - `base`) * `gain`, rounded once; `gain` is a power of two.
+    /// (sample - `base`) * `gain`, rounded once; `gain` is a power of two, and 1 if none is needed.
     fn centred<T: Real>(self, base: f64, gain: f64) -> T;
 }
 
@@ -117,9 +117,9 @@ impl Count for i16 {
     fn from_distance_key(key: i16, base: f64) -> f64 {
         f64::from(key.cast_unsigned() ^ 0x8000) + base.fract().abs()
     }
-    fn centred<T: Real>(self, base: f64, gain: f64) -> T {
+    fn centred<T: Real>(self, base: f64, _gain: f64) -> T {
         // The median of 16-bit counts is a whole or half count, so this is exact in f32 too.
-        (T::rounded(f64::from(self)) - T::rounded(base)) * T::rounded(gain)
+        T::rounded(f64::from(self)) - T::rounded(base)
     }
 }
 
