@@ -173,7 +173,7 @@ impl FuseConfig {
     /// Checks every value against its bounds.
     ///
     /// # Errors
-    /// [`Error::NoDiscriminators`], [`Error::TwiceListed`] or [`Error::OutOfRange`], for the first that fails.
+    /// [`Error::NoDiscriminators`], [`Error::TwiceListed`], [`Error::OutOfRange`] or [`Error::RejectRate`], for the first that fails.
     pub fn validate(&self) -> Result<(), Error> {
         if self.discriminators.is_empty() {
             return Err(Error::NoDiscriminators);
@@ -185,7 +185,9 @@ impl FuseConfig {
         }
         within("re_inspect_rate", self.re_inspect_rate, 1e-6, 0.3)?;
         within("confirm_rate", self.confirm_rate, 0.0, 0.3)?;
-        within("reject_rate", self.reject_rate, 1e-6, self.re_inspect_rate)
+        within("reject_rate", self.reject_rate, 1e-6, 0.3)?;
+        let Self { reject_rate, re_inspect_rate, .. } = *self;
+        if reject_rate <= re_inspect_rate { Ok(()) } else { Err(Error::RejectRate { reject_rate, re_inspect_rate }) }
     }
 
     /// The discriminators that enter the index, each with its direction.

@@ -83,7 +83,10 @@ fn values_out_of_bounds_are_refused_by_name() {
         assert_eq!(name_of(FuseConfig { re_inspect_rate: rate, ..base() }), "re_inspect_rate");
         assert_eq!(name_of(FuseConfig { reject_rate: rate, ..base() }), "reject_rate");
     }
-    assert_eq!(name_of(FuseConfig { reject_rate: 0.021, ..base() }), "reject_rate", "more than are not passed");
+    assert_eq!(
+        FuseConfig { reject_rate: 0.021, ..base() }.validate().unwrap_err().to_string(),
+        "fuse.reject_rate = 0.021: must not be above fuse.re_inspect_rate = 0.02"
+    );
     assert_eq!(FuseConfig { discriminators: vec![], ..base() }.validate(), Err(Error::NoDiscriminators));
     let twice = FuseConfig { discriminators: vec![Discriminator::Pr, Discriminator::Pr], ..base() };
     assert_eq!(twice.validate(), Err(Error::TwiceListed { name: "pr" }));

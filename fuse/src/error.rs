@@ -29,6 +29,14 @@ pub enum Error {
         /// Greatest value allowed.
         high: f64,
     },
+    /// More shoulders would be rejected than not be passed.
+    #[error("fuse.reject_rate = {reject_rate}: must not be above fuse.re_inspect_rate = {re_inspect_rate}")]
+    RejectRate {
+        /// The rate of rejected shoulders.
+        reject_rate: f64,
+        /// That of shoulders that are not passed.
+        re_inspect_rate: f64,
+    },
     /// No reference is named.
     #[error(
         "no reference is named (--reference, or reference in [fuse]): give the .json file of one, \"TYRE/SHOULDER\" of this run, \

@@ -54,6 +54,14 @@ pub enum Error {
         /// Largest value allowed.
         high: f64,
     },
+    /// A fault is drawn with a probability that is none.
+    #[error("fault[{number}].fraction is {fraction}; it must lie in 0 to 1")]
+    Fault {
+        /// Which of the faults, from 0.
+        number: usize,
+        /// Its fraction.
+        fraction: f64,
+    },
     /// Two simulated tyres share a serial number.
     #[error("two simulated tyres have the serial number {serial:?}")]
     DuplicateTyre {

@@ -1,8 +1,8 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::plant_cracks;
 use crate::tyre::features_for_tests::{Features, NAMES, RISES, SOUND_DELAY, features, volts};
+use crate::{FaultKind, PlantedFault, plant_cracks};
 
 const SERIAL: &str = "SIM-0001";
 /// Samples of a channel.
@@ -256,6 +256,12 @@ fn bad_configurations_are_named() {
         let error = SimulatedRig::new(&config, 1, &[]).unwrap_err();
         assert!(matches!(error, Error::OutOfRange { name: named, .. } if named == name), "{error}");
     }
+    let fault = vec![
+        PlantedFault { kind: FaultKind::Hum, fraction: 0.5 },
+        PlantedFault { kind: FaultKind::Noise, fraction: 1.5 },
+    ];
+    let error = SimulatedRig::new(&SimulationConfig { fault, ..default.clone() }, 1, &[]).unwrap_err().to_string();
+    assert_eq!(error, "fault[1].fraction is 1.5; it must lie in 0 to 1");
     let tyre = |depth_mm| SimulatedTyre { serial: SERIAL.to_owned(), cracks: vec![whole_ring(depth_mm, 20.0)] };
     let error = SimulatedRig::new(&default, 1, &[tyre(f64::NAN)]).unwrap_err().to_string();
     assert_eq!(error, "tyre SIM-0001 crack 1: depth_mm is NaN; it must lie in 0.5 to 100");

@@ -79,7 +79,7 @@ impl SimulationConfig {
     /// Checks every quantity against its bounds.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] names the first quantity that is out of bounds.
+    /// [`Error::OutOfRange`] or [`Error::Fault`], for the first quantity that is out of bounds.
     pub fn validate(&self) -> Result<(), Error> {
         for (name, value, low, high) in [
             ("sample_rate_hz", self.sample_rate_hz, 1e3, 1e7),
@@ -103,8 +103,10 @@ impl SimulationConfig {
         ] {
             within(name, value, low, high)?;
         }
-        for fault in &self.fault {
-            within("fault.fraction", fault.fraction, 0.0, 1.0)?;
+        for (number, PlantedFault { fraction, .. }) in self.fault.iter().enumerate() {
+            if !(0.0..=1.0).contains(fraction) {
+                return Err(Error::Fault { number, fraction: *fraction });
+            }
         }
         Ok(())
     }
