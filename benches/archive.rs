@@ -1,9 +1,8 @@
-//! The cost of archiving and of reprocessing: codecs, the writer compared with plain writes, reprocessing compared with
-//! a Python program.
+//! The cost of archiving and of reprocessing: the writer with each codec compared with plain writes, reprocessing compared
+//! with a Python program.
 //!
 //! Everything is measured in one run, in turns, on a simulated tyre. The Python program is `benches/peer.py`; it is run
 //! by the Python that `TAPLINE_BENCH_PYTHON` names, or by `python3`, if that has h5py, Blosc and scipy.
-#![expect(clippy::print_stdout, reason = "the figures are what this program is for")]
 
 use std::fs::{self, File};
 use std::hint::black_box;
@@ -17,12 +16,12 @@ use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
 use tapline_fuse::{FuseConfig, Fusion, Reference};
 use tapline_model::SimulationConfig;
 use tapline_process::{ProcessConfig, ProcessExtractor};
-use tapline_store::{Codec, Lineage, ReadBuffer, Reader, Writer, repack};
+use tapline_store::{Codec, Lineage, ReadBuffer, Reader, Writer};
 use tapline_wire::{
     CacheLine, Discriminators, Plan, RecordKind, TapHeader, TapTopic, Topic as _, bytes_of, cache_lines_for,
 };
 
-use tapline_bench::{Row, Sheet, Spread, print_table, quantile, root};
+use tapline_bench::{Row, Sheet, Spread, quantile, root};
 
 const ROUNDS: usize = 15;
 
@@ -55,10 +54,6 @@ impl Scan {
             taps.push((header, buffer));
         }
         Ok(Self { plan, taps, found })
-    }
-
-    fn bytes(&self) -> usize {
-        self.taps.iter().map(|(header, _)| header.payload_bytes()).sum()
     }
 
     /// Seconds to write every tap into a new archive and sync it to the disk.
@@ -131,65 +126,31 @@ fn chunks_of(path: &Path) -> Result<Vec<Vec<u8>>> {
     Ok(chunks)
 }
 
-#[expect(clippy::cast_precision_loss, reason = "counts of bytes and taps")]
+/// Each codec of the archive, beside a plain write of what it has packed.
+#[expect(clippy::cast_precision_loss, reason = "a count of taps")]
 fn codecs(scan: &Scan, folder: &Path) -> Result<Vec<Row>> {
-    let (mut rows, mut kept) = (Vec::new(), Vec::new());
+    let mut rows = Vec::new();
     for codec in [Codec::None, Codec::Lz4, Codec::Zstd] {
         let (path, plain) = (folder.join(format!("{codec}.h5")), folder.join("plain"));
         scan.write(&path, codec)?;
         let chunks = chunks_of(&path)?;
-        let stored: usize = chunks.iter().map(Vec::len).sum();
-        let (mut ours, mut theirs, mut reads) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut ours, mut theirs) = (Vec::new(), Vec::new());
         for _ in 0..ROUNDS {
             ours.push(scan.write(&path, codec)?);
             theirs.push(plain_write(&plain, &chunks)?);
         }
-        let finished = folder.join(format!("{codec}-finished.h5"));
-        judged(scan, &finished)?;
-        let repacked = folder.join(format!("{codec}-read.h5"));
-        repack(&finished, &repacked, codec)?;
-        let taps = Reader::open(&repacked)?.taps()?;
-        let mut room = ReadBuffer::default();
-        for _ in 0..ROUNDS {
-            let begin = Instant::now();
-            for row in 0..u32::try_from(scan.taps.len())? {
-                black_box(taps.read(row, &mut room)?);
-            }
-            reads.push(begin.elapsed().as_secs_f64());
-        }
-        fs::remove_file(&finished)?;
-        fs::remove_file(&repacked)?;
         let us = |s: f64| s * 1e6 / scan.taps.len() as f64;
         let of_tap = |all: &[f64]| all.iter().map(|&s| us(s)).collect::<Vec<f64>>();
         let mut ratios: Vec<f64> = ours.iter().zip(&theirs).map(|(ours, theirs)| theirs / ours).collect();
         let least = quantile(&mut ratios, 0.0);
         let aim = if codec == Codec::Lz4 { ">= 0.9" } else { "" };
-        kept.push(
+        rows.push(
             Row::new(format!("archive, `{codec}`"), "us a tap", &of_tap(&ours))
                 .beside("of the speed of write and fdatasync", Spread::of_ratio(&theirs, &ours), aim)
                 .beside("of it in the slowest round", Spread { median: least, low: least, high: least }, aim),
         );
-        let (ours, theirs, reads) =
-            (quantile(&mut ours, 0.25), quantile(&mut theirs, 0.25), quantile(&mut reads, 0.25));
-        rows.push([
-            codec.to_string(),
-            format!("{:.2}", scan.bytes() as f64 / stored as f64),
-            format!("{:.1}", us(ours)),
-            format!("{:.1}", us(theirs)),
-            format!("{:.2}", theirs / ours),
-            format!("{:.1}", us(reads)),
-        ]);
     }
-    let head = ["codec", "samples / chunks", "archive us", "write + fdatasync us", "ratio", "read and unpack us"];
-    print_table(
-        &format!("keeping {} taps of 64 KiB, us per tap, lower quartiles of {ROUNDS}", scan.taps.len()),
-        head,
-        &rows,
-    );
-    println!(
-        "  The archive's time has digests, packing (by all cores) and tables; the plain write has the packed bytes alone."
-    );
-    Ok(kept)
+    Ok(rows)
 }
 
 /// A finished archive with verdicts.
@@ -215,30 +176,22 @@ fn judged(scan: &Scan, path: &Path) -> Result<Reader> {
     Ok(Reader::open(path)?)
 }
 
-/// Seconds to judge the taps again on one core, by part, and of the Python program on the same taps and core; with the
-/// first `record_s` of each tap, or all of it.
+/// Judging the taps again on one core, beside the Python program on the same taps and core; with the first `record_s` of
+/// each tap, or all of it.
 #[expect(clippy::cast_precision_loss, reason = "a count of taps")]
 fn reprocessing(scan: &Scan, archive: &Reader, record_s: f64, aim: &str) -> Result<Vec<Row>> {
     let config = ProcessConfig { record_s, ..ProcessConfig::default() };
     let used = |header: &TapHeader| config.samples_looked_at(header.sample_count, header.sample_rate_hz);
     let rows = 0..u32::try_from(scan.taps.len())?;
     let us = |begin: Instant| begin.elapsed().as_secs_f64() * 1e6 / scan.taps.len() as f64;
-    let (mut open, mut unpack, mut both, mut fuse, mut peer) =
-        (Vec::new(), Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let (mut open, mut both, mut fuse, mut peer) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut room = ReadBuffer::default();
     for _ in 0..ROUNDS {
         let begin = Instant::now();
         let reader = Reader::open(archive.path())?;
         let taps = reader.taps()?;
         open.push(us(begin));
-        let begin = Instant::now();
-        for row in rows.clone() {
-            black_box(taps.read_beginning(row, used, &mut room)?);
-        }
-        unpack.push(us(begin));
         // One record after the other, as reprocessing does, so that the samples are still in the cache when they are used.
-        // Opened again, so that nothing of the first readings is reused.
-        let taps = reader.taps()?;
         let mut extractor = ProcessExtractor::new(&config)?;
         let begin = Instant::now();
         let mut found: Vec<Discriminators> = Vec::new();
@@ -262,7 +215,7 @@ fn reprocessing(scan: &Scan, archive: &Reader, record_s: f64, aim: &str) -> Resu
     let what = if record_s > 0.0 { format!(" from the first {record_s} s") } else { String::new() };
     let found: Vec<f64> = open.iter().zip(&both).map(|(open, both)| open + both).collect();
     let all: Vec<f64> = found.iter().zip(&fuse).map(|(found, fuse)| found + fuse).collect();
-    let rows = vec![
+    Ok(vec![
         Row::new(format!("judging a casing again{what}"), "us a tap", &all)
             .beside(
                 "times as fast as h5py and scipy, discriminators alone",
@@ -274,25 +227,7 @@ fn reprocessing(scan: &Scan, archive: &Reader, record_s: f64, aim: &str) -> Resu
                 Spread::of_ratio(&open.iter().zip(&fuse).map(|(a, b)| a + b).collect::<Vec<_>>(), &all),
                 "",
             ),
-    ];
-    let [open, unpack, both, fuse] = [open, unpack, both, fuse].map(|mut times| quantile(&mut times, 0.25));
-    let parts = [open, unpack, both - unpack, fuse];
-    let ours: f64 = parts.iter().sum();
-    let theirs = quantile(&mut peer, 0.25);
-    let names = ["open, find every chunk", "read, check, unpack", "discriminators and flags", "fuse, verdicts"];
-    let row = |name: &str, us: f64| [name.to_owned(), format!("{us:.1}"), format!("{:.2}", us / ours)];
-    let mut table: Vec<[String; 3]> = names.iter().zip(parts).map(|(name, us)| row(name, us)).collect();
-    table.push(row("all", ours));
-    table.push(row("Python, discriminators alone", theirs));
-    print_table(&format!("judging a tyre again{what} on one core, us per tap"), ["part", "us", "/ all"], &table);
-    println!("  Python over discriminators with reading: {:.2}", theirs / (open + both));
-    let percent = |part: f64| 100.0 * part / ours;
-    println!(
-        "  What is neither unpacking nor discriminators: {:.0} %; nor fusion: {:.0} %",
-        percent(open + fuse),
-        percent(open)
-    );
-    Ok(rows)
+    ])
 }
 
 /// Seconds that the Python program takes; `None` if it cannot run.

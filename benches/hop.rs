@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use anyhow::Result;
-use tapline_bench::{Row, Sheet, Spread, print_table};
+use tapline_bench::{Row, Sheet, Spread};
 use tapline_lab::hop::{Run, Size, Way, is_consumer, run};
 
 const ROUNDS: usize = 7;
@@ -47,7 +47,6 @@ fn main() -> Result<()> {
         }
         untouched.push(run(Way::Topic, Size { bytes: large, used: small }, PACED.0, Some(period))?);
     }
-    report(&cases);
     Sheet {
         title: "The hop".to_owned(),
         command: "cargo bench -p tapline-bench --bench hop".to_owned(),
@@ -121,23 +120,4 @@ fn name(way: Way) -> &'static str {
         Way::Pipe => "a pipe",
         way => way.name(),
     }
-}
-
-fn report(cases: &[Case]) {
-    let median = |runs: &[Run], value: fn(&Run) -> f64| format!("{:.1}", Spread::of(&of(runs, value)).median);
-    let table: Vec<[String; 6]> = cases
-        .iter()
-        .map(|Case { kib, way, paced, fast }| {
-            [
-                format!("{kib} KiB, {}", way.name()),
-                median(paced, |run| run.p50_us),
-                median(paced, |run| run.p99_us),
-                median(paced, |run| run.cpu_us),
-                median(fast, |run| run.elapsed_us),
-                median(fast, |run| run.cpu_us),
-            ]
-        })
-        .collect();
-    let head = ["record", "p50", "p99", "CPU", "time as fast as they go", "CPU of it"];
-    print_table(&format!("the hop, us, medians of {ROUNDS} rounds; the first three at 500 records/s"), head, &table);
 }

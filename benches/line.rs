@@ -1,20 +1,15 @@
 //! The speed of a whole line: the built program, from simulated taps to verdicts in an archive.
 //!
-//! The same rounds also measure the taps simulated in one thread and sent nowhere, which is work that a real rig would
-//! do; their bytes written to one file and synced to the disk; and the work of the line done by one process, one tap after the
-//! other, without shared memory; and the same taps as a tap set in memory, which shows the line without the simulation. Needs the
-//! built program: `cargo build --release -p tapline`.
-#![expect(clippy::print_stdout, reason = "the figures are what this program is for")]
+//! The same rounds also measure the work of the line done by one process, one tap after the other, without shared memory; and
+//! the same taps as a tap set in memory, which shows the line without the simulation. Needs the built program:
+//! `cargo build --release -p tapline`.
 
-use std::fs::File;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::Instant;
 
 use anyhow::{Context as _, Result, ensure};
 use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
-use tapline_bench::{Row, Sheet, Spread, children_cpu_s, cpu_s, print_table, quantile, tapline};
+use tapline_bench::{Row, Sheet, Spread, cpu_s, tapline};
 use tapline_fuse::{FuseConfig, Fusion, Reference};
 use tapline_lab::line_cost::{LineCost, run_command};
 use tapline_model::SimulationConfig;
@@ -39,7 +34,7 @@ fn main() -> Result<()> {
     // Beside the build, because a temporary folder may be in memory, which no archive is.
     let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR"))?;
     let mut lines: [Vec<Pace>; 3] = Default::default();
-    let (mut renders, mut writes, mut halves, mut alone) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let (mut halves, mut alone) = (Vec::new(), Vec::new());
     let (recorded, mut replayed) = (recorded(folder.path())?, Vec::new());
     for _ in 0..ROUNDS {
         for (stations, paces) in STATIONS.into_iter().zip(&mut lines) {
@@ -49,14 +44,9 @@ fn main() -> Result<()> {
         let half = lines[2].last().map(|pace| pace.taps_per_s / 2.0 / f64::from(STATIONS[2]));
         halves.push(run_line(folder.path(), STATIONS[2], half, None)?);
         replayed.push(run_line(folder.path(), STATIONS[1], None, Some(recorded.path()))?);
-        renders.push(render()?);
-        writes.push(write(folder.path())?);
         alone.push(one_process(folder.path())?);
     }
-    keep(&lines, &halves, &replayed, &alone)?;
-    let (render, write) = (quantile(&mut renders, 0.5), quantile(&mut writes, 0.5));
-    report(&lines, render, write);
-    Ok(())
+    keep(&lines, &halves, &replayed, &alone)
 }
 
 /// Keeps what was measured for the page.
@@ -78,7 +68,7 @@ fn keep(lines: &[Vec<Pace>; 3], halves: &[Pace], replayed: &[Pace], alone: &[f64
         Spread::of_ratio(&of_replayed, &rates[1]),
         "",
     ));
-    let latency = of(halves, &|pace| pace.latency_us.1 / 1e3);
+    let latency = of(halves, &|pace| pace.latency_p99_us / 1e3);
     rows.push(Row::new("tap to discriminators at half of that load, 99 of 100 taps", "ms", &latency).beside(
         "at most, ms",
         Spread::of(&latency),
@@ -182,10 +172,7 @@ fn one_process(folder: &Path) -> Result<f64> {
 #[derive(Debug)]
 struct Pace {
     taps_per_s: f64,
-    gb_per_s: f64,
-    cpu_us_per_tap: f64,
-    latency_us: (f64, f64),
-    peak_memory_mb: f64,
+    latency_p99_us: f64,
     /// Of each process: its name, and its own and the system's processor time, us a tap.
     cpu_us: Vec<(String, [f64; 2])>,
 }
@@ -225,14 +212,12 @@ fn line_toml(folder: &Path, stations: u16, taps_per_s: Option<f64>) -> Result<Pa
 fn run_line(folder: &Path, stations: u16, taps_per_s: Option<f64>, recorded: Option<&Path>) -> Result<Pace> {
     let config = line_toml(folder, stations, taps_per_s)?;
     let out = folder.join("line");
-    let before_s = children_cpu_s()?;
     let mut command = run_command(tapline(), &config, stations, &out);
     if let Some(taps) = recorded {
         command.arg("--taps").arg(taps);
     }
     let output =
         command.stderr(Stdio::null()).output().with_context(|| format!("{}: build it first", tapline().display()))?;
-    let cpu_s = children_cpu_s()? - before_s;
     ensure!(output.status.success(), "a line of {stations} stations ended with {}", output.status);
     std::fs::remove_dir_all(&out)?;
     let cost = LineCost::printed(&String::from_utf8(output.stdout)?)?;
@@ -242,72 +227,11 @@ fn run_line(folder: &Path, stations: u16, taps_per_s: Option<f64>, recorded: Opt
     let pace = cost.pace;
     Ok(Pace {
         taps_per_s: pace.taps_per_s,
-        gb_per_s: pace.gb_per_s,
-        cpu_us_per_tap: cpu_s * 1e6 / pace.taps,
-        latency_us: (pace.latency_p50_us, pace.latency_p99_us),
-        peak_memory_mb: pace.processes.iter().map(|of| of.peak_memory_mb).sum(),
+        latency_p99_us: pace.latency_p99_us,
         cpu_us: pace.processes.into_iter().map(|of| (of.name, [us(of.user_s), us(of.kernel_s)])).collect(),
     })
 }
 
-/// Taps per second when one thread only simulates them.
-fn render() -> Result<f64> {
-    let mut source = SimulatedLine::new(&scan(STATIONS[2]), &SimulationConfig::default())?;
-    let mut buffer = record_of(&source);
-    let mut header = TapHeader::default();
-    let count = u32::try_from(source.plan().taps().len())?;
-    let begin = Instant::now();
-    for row in 0..count {
-        source.render(row, 0, &mut header, &mut buffer)?;
-    }
-    Ok(f64::from(count) / begin.elapsed().as_secs_f64())
-}
-
-/// Taps per second when their bytes are written to one file and synced to the disk.
-fn write(folder: &Path) -> Result<f64> {
-    let source = SimulatedLine::new(&scan(STATIONS[2]), &SimulationConfig::default())?;
-    let buffer = record_of(&source);
-    let count = u32::try_from(source.plan().taps().len())?;
-    let path = folder.join("plain");
-    let begin = Instant::now();
-    let mut file = File::create(&path)?;
-    for _ in 0..count {
-        file.write_all(bytes_of(&buffer))?;
-    }
-    file.sync_data()?;
-    let elapsed = begin.elapsed();
-    std::fs::remove_file(&path)?;
-    Ok(f64::from(count) / elapsed.as_secs_f64())
-}
-
 fn record_of(source: &SimulatedLine) -> Vec<CacheLine> {
     vec![CacheLine::default(); cache_lines_for(source.plan().recording.payload_bytes_max())]
-}
-
-fn report(lines: &[Vec<Pace>; 3], render: f64, write: f64) {
-    let rows: Vec<[String; 9]> = STATIONS
-        .into_iter()
-        .zip(lines)
-        .map(|(stations, paces)| {
-            let median = |of: fn(&Pace) -> f64| quantile(&mut paces.iter().map(of).collect::<Vec<_>>(), 0.5);
-            let taps_per_s = median(|pace| pace.taps_per_s);
-            [
-                stations.to_string(),
-                format!("{taps_per_s:.0}"),
-                format!("{:.3}", median(|pace| pace.gb_per_s)),
-                format!("{:.2}", taps_per_s / render),
-                format!("{:.2}", taps_per_s / write),
-                format!("{:.0}", median(|pace| pace.cpu_us_per_tap)),
-                format!("{:.0}", median(|pace| pace.latency_us.0)),
-                format!("{:.0}", median(|pace| pace.latency_us.1)),
-                format!("{:.0}", median(|pace| pace.peak_memory_mb)),
-            ]
-        })
-        .collect();
-    let title = format!("whole lines, simulated taps as fast as they go, medians of {ROUNDS} rounds; no gaps");
-    let head =
-        ["stations", "taps/s", "GB/s", "/ render", "/ write", "CPU us/tap", "p50 us", "p99 us", "memory of all MB"];
-    print_table(&title, head, &rows);
-    println!("  yardstick, render: one thread simulates {render:.0} taps/s and sends them nowhere");
-    println!("  yardstick, write: write and fdatasync of the same bytes, {write:.0} taps/s");
 }

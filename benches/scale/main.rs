@@ -5,11 +5,9 @@
 //!
 //! - `costs`: what a tap costs at each step, beside how many casings, stations and archives there are
 //! - `sizes`: what so many lines need
-//! - `outages`: whether stations' disks suffice while networks and centres are away
 #![expect(clippy::print_stdout, reason = "the page is what this program is for")]
 
 mod costs;
-mod outages;
 mod sizes;
 
 use std::fmt::Write as _;
@@ -19,7 +17,6 @@ use anyhow::Result;
 use tapline_bench::root;
 
 use crate::costs::Costs;
-use crate::outages::{Outages, Plant};
 
 fn main() -> Result<()> {
     let costs = Costs::measure()?;
@@ -39,8 +36,6 @@ fn main() -> Result<()> {
     )?;
     page.push_str(&costs.text()?);
     page.push_str(&sizes::text(&costs)?);
-    let plant = Plant { stations: 1000, bytes_per_s: costs.bytes_per_tap * sizes::TAPS_PER_S, headroom: 2.0 };
-    page.push_str(&outages::text(&plant, &Outages::default())?);
     println!("{page}");
     fs::write(root().join("docs/scale.md"), page)?;
     Ok(())

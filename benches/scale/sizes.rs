@@ -7,7 +7,7 @@ use anyhow::Result;
 use crate::costs::Costs;
 
 /// What a rig makes at most.
-pub(crate) const TAPS_PER_S: f64 = 2.5;
+const TAPS_PER_S: f64 = 2.5;
 
 const LINES: [f64; 4] = [1.0, 30.0, 1000.0, 100_000.0];
 const DAY_S: f64 = 86_400.0;
@@ -61,7 +61,7 @@ pub(crate) fn text(costs: &Costs) -> Result<String> {
     text.push_str(
         "\nThe host of lines does not count listening to sound cards, which binds earlier: \
          [operating.md](operating.md#how-many-stations).\n\nSites are independent of each other: beyond what one server or network bears, a second server with its own bucket takes the next sites. \
-         Nothing is shared by all lines.\n\n",
+         Nothing is shared by all lines.\n",
     );
     Ok(text)
 }

@@ -1,6 +1,7 @@
-//! What the benches share: order statistics, a table to read, processor times, and the rows of the page `docs/performance.md`.
+//! What the benches share: order statistics, processor times, and the rows that are printed and make the page `docs/performance.md`.
 #![expect(clippy::print_stdout, reason = "the figures are what these programs are for")]
 
+use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -22,21 +23,6 @@ pub fn quantile(values: &mut [f64], q: f64) -> f64 {
     )]
     let place = (q * last as f64).round() as usize;
     values.get(place).copied().unwrap_or(f64::NAN)
-}
-
-/// Prints `rows` under `head`, the first column left-aligned and numbers right-aligned.
-pub fn print_table<const N: usize>(title: &str, head: [&str; N], rows: &[[String; N]]) {
-    let cells_of = |k: usize| std::iter::once(head[k].len()).chain(rows.iter().map(move |row| row[k].chars().count()));
-    let widths: [usize; N] = std::array::from_fn(|k| cells_of(k).fold(0, |most, n| if n > most { n } else { most }));
-    println!("\n{title}");
-    let line = |cells: &[String; N]| {
-        let padded = cells.iter().zip(widths).enumerate();
-        padded.map(|(k, (cell, w))| if k == 0 { format!("{cell:<w$}") } else { format!("  {cell:>w$}") }).collect()
-    };
-    for row in std::iter::once(&head.map(str::to_owned)).chain(rows) {
-        let text: String = line(row);
-        println!("  {text}");
-    }
 }
 
 /// Median and quartiles over rounds.
@@ -61,6 +47,20 @@ impl Spread {
     /// Of what `ours` is, round by round, as a multiple of `theirs`.
     pub fn of_ratio(ours: &[f64], theirs: &[f64]) -> Self {
         Self::of(&ours.iter().zip(theirs).map(|(ours, theirs)| ours / theirs).collect::<Vec<_>>())
+    }
+}
+
+/// The median with the digits that count, and the quartiles in brackets.
+impl fmt::Display for Spread {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { median, low, high } = *self;
+        let digits = match median.abs() {
+            size if size < 0.095 => 3,
+            size if size < 9.95 => 2,
+            size if size < 99.5 => 1,
+            _ => 0,
+        };
+        write!(f, "{median:.digits$} ({low:.digits$}–{high:.digits$})")
     }
 }
 
@@ -116,11 +116,24 @@ pub struct Sheet {
 }
 
 impl Sheet {
-    /// Keeps it for the page, as the bench called `name`.
+    /// Prints its rows, each with its comparisons below it.
+    pub fn print(&self) {
+        println!("\n{}", self.title);
+        for Row { what, unit, value, beside } in &self.rows {
+            println!("  {what}: {value} {unit}");
+            for Beside { what, ratio, aim } in beside {
+                let aim = if aim.is_empty() { String::new() } else { format!(", aim {aim}") };
+                println!("    {ratio} {what}{aim}");
+            }
+        }
+    }
+
+    /// Prints it, and keeps it for the page, as the bench called `name`.
     ///
     /// # Errors
     /// What the system returns.
     pub fn keep(&self, name: &str) -> Result<()> {
+        self.print();
         fs::create_dir_all(folder())?;
         fs::write(folder().join(format!("{name}.json")), serde_json::to_string_pretty(self)?)?;
         Ok(())

@@ -25,11 +25,7 @@ pub struct Pace {
     pub taps: f64,
     /// Of them in a second.
     pub taps_per_s: f64,
-    /// Samples in a second, in units of 1e9 bytes.
-    pub gb_per_s: f64,
-    /// Time from a tap to its discriminators that half of them do not exceed.
-    pub latency_p50_us: f64,
-    /// The same for 99 of 100.
+    /// Time from a tap to its discriminators that 99 of 100 do not exceed.
     pub latency_p99_us: f64,
     /// Records that were lost on the way.
     gaps: u64,

@@ -1,6 +1,6 @@
 //! What can be wrong with a population, a crack or a plan.
 
-/// Why a casing cannot be simulated or written.
+/// Why a casing cannot be simulated.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -31,15 +31,6 @@ pub enum Error {
     /// The settings of the discriminators are not valid.
     #[error(transparent)]
     Process(#[from] tapline_process::Error),
-    /// The operating system refused something about a file.
-    #[error(transparent)]
-    Io(#[from] std::io::Error),
-    /// A table could not be written.
-    #[error(transparent)]
-    Csv(#[from] csv::Error),
-    /// A recording could not be written.
-    #[error(transparent)]
-    Wav(#[from] hound::Error),
 }
 
 /// Refuses a value outside `low` to `high`, and NaN.

@@ -59,7 +59,6 @@ mod population;
 mod random;
 mod rig;
 mod scan;
-mod tap_set;
 
 pub use casing::Casing;
 pub use contact::{Contact, Layer};
@@ -68,4 +67,3 @@ pub use error::Error;
 pub use population::Population;
 pub use rig::{Rig, Tap};
 pub use scan::{ScanShape, Tyre, discriminators, taps};
-pub use tap_set::write_tap_set;

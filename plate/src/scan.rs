@@ -177,7 +177,7 @@ pub fn taps<R, T: Send>(
 }
 
 /// Refuses a recording that the simulator cannot make.
-pub(crate) fn check(recording: &Recording) -> Result<(), Error> {
+fn check(recording: &Recording) -> Result<(), Error> {
     let refuse = |what: &str| Err(Error::Recording { what: what.to_owned() });
     match () {
         () if recording.sample_format != SampleFormat::F32 => refuse("integer samples"),
@@ -187,7 +187,7 @@ pub(crate) fn check(recording: &Recording) -> Result<(), Error> {
 }
 
 /// The tap in `row` of `plan`, which belongs to `scan`.
-pub(crate) fn tap_of(plan: &Plan, scan: &Scan, row: u32, attempt: u16) -> Tap {
+fn tap_of(plan: &Plan, scan: &Scan, row: u32, attempt: u16) -> Tap {
     let id = plan.taps()[row as usize].id;
     Tap {
         shoulder: id.shoulder,

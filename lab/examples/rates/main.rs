@@ -22,8 +22,8 @@ use std::time::Instant;
 
 use anyhow::{Context as _, Result, ensure};
 use clap::Parser;
-use tapline_lab::simulated::{Scene, Simulator, Times, Tyre};
-use tapline_plate::{ScanShape, write_tap_set};
+use tapline_lab::simulated::{Scene, Simulator, Times};
+use tapline_plate::ScanShape;
 use tapline_process::{DurationEstimator, ProcessConfig};
 
 use cache::Cache;
@@ -92,9 +92,6 @@ struct Args {
     /// One group of 12 sound and 8 cracked casings, once around, by a reference of 8, whatever else is asked: under a minute.
     #[arg(long)]
     quick: bool,
-    /// Writes the scene's first two casings as a tap set into this folder instead of judging (plate alone).
-    #[arg(long)]
-    write_taps: Option<PathBuf>,
 }
 
 fn duration(name: &str) -> Result<DurationEstimator, String> {
@@ -129,9 +126,6 @@ fn main() -> Result<()> {
         record_s: args.record_s,
         ..ScanShape::default()
     };
-    if let Some(folder) = &args.write_taps {
-        return write_taps(&args, &shape, folder);
-    }
     let process = ProcessConfig { tau: args.tau, ..ProcessConfig::default() };
     let cache = Cache::new(&args.cache, args.simulator, shape, process, args.reference.iter().map(By::casings).max())?;
     let begun = Instant::now();
@@ -160,13 +154,4 @@ fn main() -> Result<()> {
     let (taps, seconds) = cache.simulated();
     writeln!(out, "simulated {taps} taps in {seconds:.1} s; all took {:.1} s", begun.elapsed().as_secs_f64())?;
     Ok(())
-}
-
-fn write_taps(args: &Args, shape: &ScanShape, folder: &std::path::Path) -> Result<()> {
-    ensure!(args.simulator == Simulator::Plate, "--write-taps is of the simulator plate");
-    let scene = args.scene.first().copied().context("--scene is empty")?;
-    let tyres = scene.tyres(shape.location_count, 2, args.seed);
-    let tyres: Vec<_> = tyres.iter().map(Tyre::of_plate).collect();
-    let shape = ScanShape { record_s: scene.record_s(shape.record_s), ..shape.clone() };
-    Ok(write_tap_set(folder, &scene.population(), args.seed, &tyres, &shape.plan(&tyres)?)?)
 }

@@ -10,7 +10,7 @@ mod panel;
 mod panels;
 mod point;
 mod progress;
-mod provenance;
+pub mod provenance;
 mod size;
 mod stability;
 mod table;

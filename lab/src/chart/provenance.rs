@@ -1,10 +1,10 @@
-//! Where a chart's numbers are from: processor, program and commit.
+//! Where the numbers of a chart or a bench are from: processor, program and commit.
 
 use std::process::Command;
 
 /// The machine and the program.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Provenance {
+pub struct Provenance {
     /// Model and number of the processors.
     pub cpu: String,
     /// Vector instructions that kernels choose by.
@@ -27,7 +27,7 @@ pub(crate) struct Provenance {
 
 impl Provenance {
     /// Of this machine and this program.
-    pub(crate) fn here(seed: u64, is_quick: bool) -> Self {
+    pub fn here(seed: u64, is_quick: bool) -> Self {
         let build = format!(
             "{}, {}-{}, compiled for {}",
             if cfg!(debug_assertions) { "debug" } else { "release" },
@@ -110,7 +110,7 @@ fn commit() -> String {
 }
 
 /// What a program prints, without white space at its ends; `None` where it cannot run or fails.
-fn output(program: &str, arguments: &[&str]) -> Option<String> {
+pub fn output(program: &str, arguments: &[&str]) -> Option<String> {
     let out = Command::new(program).args(arguments).output().ok().filter(|out| out.status.success())?;
     Some(String::from_utf8_lossy(&out.stdout).trim().to_owned())
 }

@@ -129,11 +129,6 @@ impl Ledger {
         self.scans.iter().all(|&s| s == ScanState::Judged)
     }
 
-    /// Taps that are archived or refused.
-    pub fn settled_count(&self) -> usize {
-        self.taps.iter().filter(|state| state.is_settled()).count()
-    }
-
     /// Bytes of a snapshot: a byte for the state and attempt of every tap, where `has_taps`, and one for the state of every
     /// scan, where `has_scans`.
     pub fn encoded_bytes(&self, has_taps: bool, has_scans: bool) -> usize {
