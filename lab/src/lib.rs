@@ -1,6 +1,6 @@
 //! What a researcher runs beside the everyday program: `tapline-lab`.
 //!
-//! - [`study`]: simulated tyres by the hundred, and how good each index, reference and plan is.
+//! - [`study`]: simulated tyres by the hundred, and how good each index and reference is.
 //! - [`pod`]: the same of casings that a plant has scanned and inspected.
 //! - [`chart`]: the atlas, speed against accuracy of all that can be chosen.
 //! - [`experiment`]: chapter 5 of the dissertation done again on three simulated tyres.
@@ -10,7 +10,6 @@
 //! - [`headroom`]: how many stations a host carries, and what binds.
 //! - [`line_cost`]: what a run of the built program cost.
 //! - [`hop`]: a record from process to process, through shared memory and other ways.
-//! - [`picture`]: the README's picture, two shoulders of an archive.
 //! - [`simulated`]: casings of two simulators, tapped and judged.
 //! - [`written`]: the files that a verb writes.
 //! - [`statistics`]: probability of detection, rates, gauge studies, resampling, held-out areas.
@@ -24,7 +23,6 @@ pub mod headroom;
 pub mod hop;
 mod in_memory;
 pub mod line_cost;
-pub mod picture;
 pub mod pod;
 pub mod simulated;
 pub mod stability;

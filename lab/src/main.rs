@@ -15,7 +15,7 @@ use tapline_lab::headroom::HeadroomArgs;
 use tapline_lab::pod::PodArgs;
 use tapline_lab::study::StudyArgs;
 use tapline_lab::written::WrittenArgs;
-use tapline_lab::{chart, estimators, experiment, figures, headroom, hop, picture, pod, stability, study};
+use tapline_lab::{chart, estimators, experiment, figures, headroom, hop, pod, stability, study};
 
 /// What a researcher runs beside tapline: studies, figures and curves.
 #[derive(Debug, Parser)]
@@ -29,8 +29,8 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
-    /// Judge many simulated tyres, and compare indices, references and plans: AUC with intervals, false calls,
-    /// probability of detection, gauge studies, time on the rig.
+    /// Judge many simulated tyres, and compare indices and references: AUC with intervals, false calls,
+    /// probability of detection, gauge studies.
     Study(StudyArgs),
     /// Chart speed against accuracy of all that can be chosen, from contact model to scan plan, with every default marked.
     Chart(ChartArgs),
@@ -73,16 +73,6 @@ enum Verb {
     Stability {
         /// Folder to write into; made when it is not there.
         #[arg(long, default_value = "docs/stability")]
-        out: PathBuf,
-        #[command(flatten)]
-        written: WrittenArgs,
-    },
-    /// Draw a damaged and a sound shoulder of an archive, and a tap of each.
-    Picture {
-        /// The archive.
-        archive: PathBuf,
-        /// File to write (SVG).
-        #[arg(long, default_value = "picture.svg")]
         out: PathBuf,
         #[command(flatten)]
         written: WrittenArgs,
@@ -131,7 +121,6 @@ fn dispatch(verb: &Verb) -> Result<()> {
         Verb::Figures { out, figure, written } => figures::figures(out, *figure, *written),
         Verb::Estimators { out, written } => estimators::write(out, *written),
         Verb::Stability { out, written } => stability::write(out, *written),
-        Verb::Picture { archive, out, written } => picture::write(archive, out, *written),
         Verb::Completions { shell } => generated::completions(Cli::command(), *shell, &mut std::io::stdout().lock())
             .context("cannot write to standard output"),
         Verb::Man { folder, force } => {

@@ -70,11 +70,7 @@ impl Table {
 
     /// One that only files and JSON show.
     pub(crate) fn long(name: &'static str, title: &'static str, columns: &[&'static str]) -> Self {
-        Self::new(name, title, columns).into_long()
-    }
-
-    pub(crate) fn into_long(self) -> Self {
-        Self { is_long: true, ..self }
+        Self { is_long: true, ..Self::new(name, title, columns) }
     }
 
     pub(crate) fn push(&mut self, cells: impl IntoIterator<Item = Cell>) {

@@ -5,7 +5,7 @@ use anyhow::{Context as _, Result};
 use tapline_fuse::{FuseConfig, IndexKind};
 use tapline_wire::Discriminator;
 
-use super::dataset::{Dataset, Turns};
+use super::dataset::Dataset;
 use super::judge::{ComparedWith, alone, judge};
 use super::parallel::each;
 use super::sets::{Set, cracked, sound};
@@ -42,20 +42,13 @@ pub(super) struct SingleDiscriminator {
 
 impl Split {
     /// Scans the tyres of `set`, which is number `number`.
-    pub(super) fn scan(set: &Set, number: u64, size: &Size, turns: &Turns, seed: u64, threads: usize) -> Result<Self> {
-        let read = Self::scan_read(set, number, size, turns, (seed, threads), &[Reading::default()])?;
+    pub(super) fn scan(set: &Set, number: u64, size: &Size, seed: u64) -> Result<Self> {
+        let read = Self::scan_read(set, number, size, seed, &[Reading::default()])?;
         read.into_iter().next().context("one reading gives one split")
     }
 
     /// The same, by each of `readings`.
-    pub(super) fn scan_read(
-        set: &Set,
-        number: u64,
-        size: &Size,
-        turns: &Turns,
-        (seed, threads): (u64, usize),
-        readings: &[Reading],
-    ) -> Result<Vec<Self>> {
+    pub(super) fn scan_read(set: &Set, number: u64, size: &Size, seed: u64, readings: &[Reading]) -> Result<Vec<Self>> {
         let (half, quarter) = (size.tyres / 2, size.tyres / 4);
         let names = |part: &str, count: usize| -> Vec<String> {
             (0..count).map(|k| format!("{}-{part}-{k:03}", set.name)).collect()
@@ -66,20 +59,10 @@ impl Split {
         let with_cracks = with_cracks.into_iter().zip(1000 * number..);
         let with_cracks = with_cracks.map(|(s, k)| cracked(s, &set.cracks, size.location_count, seed, k));
         let tyres = reference.iter().cloned().chain(without).map(sound).chain(with_cracks).collect();
-        let numbers = (seed, size.location_count, threads);
-        let datasets = Dataset::scan_read(&set.simulation, tyres, turns, numbers, readings)?;
+        let numbers = (seed, size.location_count);
+        let datasets = Dataset::scan_read(&set.simulation, tyres, &size.turns, numbers, readings)?;
         let split = |dataset| Self { name: set.name, dataset, reference: reference.clone(), judged: judged.clone() };
         Ok(datasets.into_iter().map(split).collect())
-    }
-
-    /// The same tyres, of which only `turns` were made.
-    pub(super) fn with(&self, turns: &Turns) -> Result<Self> {
-        Ok(Self {
-            name: self.name,
-            dataset: self.dataset.only(|tap| turns.has(tap))?,
-            reference: self.reference.clone(),
-            judged: self.judged.clone(),
-        })
     }
 
     /// The tyres that are judged.
@@ -94,11 +77,11 @@ impl Split {
 }
 
 /// Every candidate on one set, and every discriminator alone.
-pub(super) fn candidates(split: &Split, threads: usize) -> Result<(Vec<Candidate>, Vec<SingleDiscriminator>)> {
+pub(super) fn candidates(split: &Split) -> Result<(Vec<Candidate>, Vec<SingleDiscriminator>)> {
     let (judged, healthy) = (split.judged()?, split.healthy()?);
     let references = [("healthy", &healthy), ("self", &ComparedWith::Itself)];
     let jobs: Vec<_> = references.into_iter().flat_map(|by| IndexKind::ALL.map(|index| (by, index))).collect();
-    let candidates = each(&jobs, threads, |&((reference, by), index)| {
+    let candidates = each(&jobs, |&((reference, by), index)| {
         let config = FuseConfig { index, ..FuseConfig::default() };
         let judged = judge(&config, &judged, by).with_context(|| format!("{} by {reference}", index.name()))?;
         let areas = Areas::new(&judged);

@@ -1,4 +1,4 @@
-//! The taps of a set, and parts of them: some tyres, or fewer offsets, velocities and repetitions.
+//! The taps of a set, and parts of them: some tyres, or some repetitions.
 
 use std::sync::Arc;
 
@@ -12,6 +12,9 @@ use tapline_wire::{Discriminators, Plan, PlannedTap, Truth};
 use crate::in_memory::InMemoryScan;
 use crate::simulated::{Reader, Reading};
 
+/// The velocity of every tap.
+const VELOCITY_M_PER_S: f64 = 1.5;
+
 /// A plan and the discriminators of each of its taps.
 #[derive(Debug, Clone)]
 pub(super) struct Dataset {
@@ -20,27 +23,10 @@ pub(super) struct Dataset {
 }
 
 /// Which turns are made around a shoulder.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub(super) struct Turns {
     pub offsets_mm: Vec<f64>,
-    pub velocities_m_per_s: Vec<f64>,
     pub repetitions: u16,
-}
-
-impl Turns {
-    /// How many they are.
-    pub(super) fn count(&self) -> usize {
-        self.offsets_mm.len() * self.velocities_m_per_s.len() * usize::from(self.repetitions)
-    }
-
-    /// Whether `tap` is of one of them.
-    pub(super) fn has(&self, tap: &PlannedTap) -> bool {
-        let is_among =
-            |values: &[f64], value: Option<f64>| value.is_some_and(|v| values.iter().any(|w| (v - w).abs() < 1e-6));
-        is_among(&self.offsets_mm, tap.id.offset_mm())
-            && is_among(&self.velocities_m_per_s, tap.id.velocity_m_per_s())
-            && tap.id.repetition < self.repetitions
-    }
 }
 
 impl Dataset {
@@ -49,7 +35,7 @@ impl Dataset {
         simulation: &SimulationConfig,
         tyres: Vec<TyreConfig>,
         turns: &Turns,
-        numbers: (u64, u32, usize),
+        numbers: (u64, u32),
     ) -> Result<Self> {
         let read = Self::scan_read(simulation, tyres, turns, numbers, &[Reading::default()])?;
         read.into_iter().next().context("one reading gives one dataset")
@@ -60,13 +46,13 @@ impl Dataset {
         simulation: &SimulationConfig,
         tyres: Vec<TyreConfig>,
         turns: &Turns,
-        (seed, location_count, thread_count): (u64, u32, usize),
+        (seed, location_count): (u64, u32),
         readings: &[Reading],
     ) -> Result<Vec<Self>> {
         let scan = ScanConfig {
             seed,
             offsets_mm: turns.offsets_mm.clone(),
-            velocities_m_per_s: turns.velocities_m_per_s.clone(),
+            velocities_m_per_s: vec![VELOCITY_M_PER_S],
             repetitions: turns.repetitions,
             locations: location_count,
             closing_tap: false, // it enters no index
@@ -75,6 +61,7 @@ impl Dataset {
         };
         let process = ProcessConfig::default();
         let retakes = AcquireConfig::default().retakes;
+        let thread_count = rayon::current_num_threads();
         let scan = InMemoryScan { scan: &scan, simulation, process: &process, retakes, thread_count };
         let (plan, taps) =
             scan.read(|| Reader::new(readings), |reader, header, samples| reader.read(header, samples))?;

@@ -21,12 +21,12 @@ const CRACKS: Cracks =
     Cracks { depth_mm: (6.0, 24.0), length_mm: (4.0, 30.0), offset_mm: (0.0, 0.0), location_count: (1, 6) };
 
 /// Looks for the cracks of many tyres of `set`, by the default index and sound tyres of another serial.
-pub(super) fn detection(set: &Set, size: &Size, seed: u64, threads: usize) -> Result<Vec<Detection>> {
+pub(super) fn detection(set: &Set, size: &Size, seed: u64) -> Result<Vec<Detection>> {
     let references = (0..size.target_reference).map(|k| sound(format!("reference-{k:03}")));
     let targets = (0_u64..).take(size.target_tyres);
     let targets = targets.map(|k| cracked(format!("target-{k:03}"), &CRACKS, size.location_count, seed, 500_000 + k));
     let tyres: Vec<_> = references.chain(targets).collect();
-    let dataset = Dataset::scan(&set.simulation, tyres.clone(), &size.turns, (seed, size.location_count, threads))?;
+    let dataset = Dataset::scan(&set.simulation, tyres.clone(), &size.turns, (seed, size.location_count))?;
     let by = ComparedWith::File(dataset.reference(|tyre| tyre.starts_with("reference"))?);
     let judged = judge(&FuseConfig::default(), &dataset.of_tyres(|tyre| tyre.starts_with("target"))?, &by)?;
     let mut found = Vec::new();

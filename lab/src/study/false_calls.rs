@@ -43,10 +43,10 @@ pub(super) struct FalseCalls {
 }
 
 /// Counts the false calls on the sound tyres of `set`.
-pub(super) fn false_calls(set: &Set, size: &Size, seed: u64, threads: usize) -> Result<Vec<FalseCalls>> {
+pub(super) fn false_calls(set: &Set, size: &Size, seed: u64) -> Result<Vec<FalseCalls>> {
     let serial = |k: usize| format!("sound-{k:03}");
     let tyres = (0..size.sound_tyres).map(|k| sound(serial(k))).collect();
-    let dataset = Dataset::scan(&set.simulation, tyres, &size.short, (seed, size.location_count, threads))?;
+    let dataset = Dataset::scan(&set.simulation, tyres, &size.short, (seed, size.location_count))?;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     // No casing is each tyre by itself.
     let mut references = vec![Vec::new()];
@@ -62,7 +62,7 @@ pub(super) fn false_calls(set: &Set, size: &Size, seed: u64, threads: usize) -> 
         let jobs: Vec<(Call, f64, &Vec<String>)> = (references.iter().filter(is_shown))
             .flat_map(|drawn| STATED.map(|(call, stated)| (call, stated, drawn)))
             .collect();
-        let counted = each(&jobs, threads, |&(call, stated, drawn)| {
+        let counted = each(&jobs, |&(call, stated, drawn)| {
             let config = FuseConfig { index, ..config_for(call, stated) };
             let is_reference = |tyre: &str| drawn.iter().any(|d| d == tyre);
             let by = match drawn.is_empty() {

@@ -32,7 +32,7 @@ pub(super) struct GaugeResult {
 }
 
 /// Scans the same tyres again and again on two rigs.
-pub(super) fn gauge(set: &Set, size: &Size, seed: u64, threads: usize) -> Result<Vec<GaugeResult>> {
+pub(super) fn gauge(set: &Set, size: &Size, seed: u64) -> Result<Vec<GaugeResult>> {
     let first = &set.simulation;
     let second = SimulationConfig {
         microphone_distance_m: 1.1 * first.microphone_distance_m,
@@ -51,7 +51,7 @@ pub(super) fn gauge(set: &Set, size: &Size, seed: u64, threads: usize) -> Result
     let mut scans = Vec::new();
     let mut reference = None;
     for (rig, simulation) in (0..).zip([first, &second]) {
-        let dataset = Dataset::scan(simulation, tyres.clone(), &turns, (seed, size.location_count, threads))?;
+        let dataset = Dataset::scan(simulation, tyres.clone(), &turns, (seed, size.location_count))?;
         if rig == 0 {
             let first_scan = dataset.only(|tap| tap.id.repetition < of_a_scan)?;
             reference = Some(first_scan.reference(|tyre| tyre.starts_with("reference"))?);
@@ -64,7 +64,7 @@ pub(super) fn gauge(set: &Set, size: &Size, seed: u64, threads: usize) -> Result
         }
     }
     let by = reference.map_or(ComparedWith::Itself, ComparedWith::File);
-    let judged = each(&IndexKind::ALL, threads, |&index| {
+    let judged = each(&IndexKind::ALL, |&index| {
         let config = FuseConfig { index, ..FuseConfig::default() };
         scans.iter().map(|scan| judge(&config, scan, &by)).collect::<Result<Vec<Vec<ShoulderResult>>>>()
     })?;

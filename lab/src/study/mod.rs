@@ -1,4 +1,4 @@
-//! `tapline-lab study`: a seeded Monte Carlo over simulated tyres, which compares indices, references and plans.
+//! `tapline-lab study`: a seeded Monte Carlo over simulated tyres, which compares indices and references.
 
 mod candidates;
 mod dataset;
@@ -9,7 +9,6 @@ mod judge;
 mod page;
 mod parallel;
 mod pictures;
-mod plans;
 mod published;
 mod readings;
 mod sets;
@@ -21,6 +20,7 @@ pub(crate) use self::readings::by_readings;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, ensure};
+use rayon::ThreadPoolBuilder;
 use tapline_host::arguments::ForceArgs;
 use tapline_host::atomic_file::{Existing, check_folder, check_writable, write_texts};
 use tapline_host::messages::say;
@@ -28,7 +28,6 @@ use tapline_host::messages::say;
 use self::candidates::{Candidate, SingleDiscriminator, Split};
 use self::false_calls::FalseCalls;
 use self::gauge::GaugeResult;
-use self::plans::PlanResult;
 use self::published::FoundOnSet;
 use self::size::Size;
 use self::summary::OfSet;
@@ -65,8 +64,8 @@ pub struct StudyArgs {
 const TYRES: usize = 16;
 const TYRES_QUICK: usize = 8;
 
-/// Steps of a study that are done with the first set alone: plans, detection, false calls, gauge.
-const PARTS_OF_ONE_SET: usize = 4;
+/// Steps of a study that are done with the first set alone: detection, false calls, gauge.
+const PARTS_OF_ONE_SET: usize = 3;
 
 /// A step of a study, which people are told of.
 struct Step {
@@ -88,7 +87,6 @@ struct Findings {
     candidates: Vec<Candidate>,
     alone: Vec<SingleDiscriminator>,
     detection: Vec<Detection>,
-    plans: Vec<PlanResult>,
     calls: Vec<FalseCalls>,
     gauge: Vec<GaugeResult>,
     of_sets: Vec<OfSet>,
@@ -99,7 +97,7 @@ struct Findings {
 /// Does the study, prints its tables, and writes them with figures and a page where that is asked for.
 ///
 /// # Errors
-/// Too few tyres, a computation that fails, or an error of the file system.
+/// Too few tyres, threads that cannot be started, a computation that fails, or an error of the file system.
 pub fn study(args: &StudyArgs) -> Result<()> {
     let tyres = args.tyres.unwrap_or(if args.quick { TYRES_QUICK } else { TYRES });
     ensure!(tyres >= 8, "--tyres is {tyres}; at least 8 are needed, for two sound and two cracked ones to be judged");
@@ -108,7 +106,8 @@ pub fn study(args: &StudyArgs) -> Result<()> {
         check_folder(folder, args.force.existing())?;
         check_writable(&folder.with_added_extension("md"), args.force.existing())?;
     }
-    let found = Findings::compute(&size, args.seed, args.threads)?;
+    let threads = ThreadPoolBuilder::new().num_threads(args.threads).build()?;
+    let found = threads.install(|| Findings::compute(&size, args.seed))?;
     print_tables(&found.tables, args.json)?;
     if let Some(folder) = &args.out {
         found.write(folder, args.seed, args.force.existing())?;
@@ -117,39 +116,26 @@ pub fn study(args: &StudyArgs) -> Result<()> {
 }
 
 impl Findings {
-    fn compute(size: &Size, seed: u64, threads: usize) -> Result<Self> {
+    fn compute(size: &Size, seed: u64) -> Result<Self> {
         let all: Vec<sets::Set> = sets::sets().into_iter().take(size.set_count).collect();
         let first = all.first().context("there is no set")?;
         let names: Vec<&'static str> = all.iter().map(|set| set.name).collect();
         let (mut candidates, mut alone) = (Vec::new(), Vec::new());
-        let mut tried = Vec::new();
         let mut step = Step { number: 0, count: all.len() + PARTS_OF_ONE_SET };
         for (number, set) in (0..).zip(&all) {
             step.begin(&format!("the set {}", set.name));
-            // The first set is scanned by the full plan, of which its own is a part.
-            let turns = if number == 0 { &size.full } else { &size.turns };
-            let split = Split::scan(set, number, size, turns, seed, threads)?;
-            if number == 0 {
-                step.begin("plans");
-                tried = plans::plans(&split, &size.full, threads)?;
-            }
-            let split = split.with(&size.turns)?;
-            let (of_set, alone_of_set) = candidates::candidates(&split, threads)?;
+            let (of_set, alone_of_set) = candidates::candidates(&Split::scan(set, number, size, seed)?)?;
             candidates.extend(of_set);
             alone.extend(alone_of_set);
         }
         step.begin("probability of detection");
-        let detection = detection::detection(first, size, seed, threads)?;
-        let cheapest = plans::cheapest(&tried).map(|t| t.turns.clone());
-        let full = tried.last().map(|t| t.turns.clone());
-        let is_named = |t: &PlanResult| [&cheapest, &full].into_iter().flatten().any(|turns| *turns == t.turns);
-        let of_note = "The full plan, the cheapest within 0.01 AUC of it, and those that no plan beats in time and AUC";
+        let detection = detection::detection(first, size, seed)?;
         let mut about = Table::new("sets", "The simulated sets", &["set", "about"]);
         all.iter().for_each(|set| about.push([set.name.into(), set.about.into()]));
         step.begin("false calls");
-        let calls = false_calls::false_calls(first, size, seed, threads)?;
+        let calls = false_calls::false_calls(first, size, seed)?;
         step.begin("gauge study");
-        let gauge = gauge::gauge(first, size, seed, threads)?;
+        let gauge = gauge::gauge(first, size, seed)?;
         let of_sets = summary::of_sets(&candidates, &alone, &names, seed);
         let found = published::found_on_sets(&candidates, &names, seed);
         let tables = vec![
@@ -160,13 +146,11 @@ impl Findings {
             detection::table(&detection),
             published::table(&detection, &found),
             gauge::table(&gauge),
-            plans::table("plans_of_note", of_note, &tried, |t| t.is_on_front || is_named(t), seed),
-            plans::table("plans", "Every part of the full plan", &tried, |_| true, seed).into_long(),
             candidates::table(&candidates, seed)?,
             candidates::alone_table(&alone, seed),
             detection::targets_table(&detection),
         ];
-        Ok(Self { sets: names, candidates, alone, detection, plans: tried, calls, gauge, of_sets, found, tables })
+        Ok(Self { sets: names, candidates, alone, detection, calls, gauge, of_sets, found, tables })
     }
 
     /// Writes tables and figures into `folder`, and the page beside it.
@@ -178,8 +162,7 @@ impl Findings {
         for table in &self.tables {
             files.push((folder.join(format!("{}.csv", table.name)), table.csv()?));
         }
-        let pictures =
-            pictures::pictures(&self.candidates, &self.alone, &self.detection, &self.plans, &self.sets, seed);
+        let pictures = pictures::pictures(&self.candidates, &self.alone, &self.detection, &self.sets, seed);
         for picture in &pictures {
             files.push((folder.join(format!("{}.svg", picture.name)), picture.svg()?));
         }

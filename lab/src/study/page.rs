@@ -6,7 +6,6 @@ use tapline_fuse::IndexKind;
 use super::Findings;
 use super::false_calls::{FalseCalls, STATED};
 use super::gauge::GaugeResult;
-use super::plans::{COMPETITOR_CASING_S, PlanResult, cheapest};
 use super::published::{FoundOnSet, HONEYCOMB_A90_95_MM, SLABS_TPR, a90_95_mm};
 use super::summary::{OfSet, Rival};
 
@@ -40,7 +39,6 @@ fn heading(name: &str) -> &'static str {
         "detection" => "Probability of detection",
         "published" => "Published numbers of other structures",
         "gauge" => "Repeatability and reproducibility",
-        "plans_of_note" => "Plans",
         _ => "More",
     }
 }
@@ -59,7 +57,6 @@ fn conclusions(found: &Findings) -> Vec<String> {
     lines.push(detected(&found.detection));
     lines.extend(published(&found.detection, &found.found));
     lines.extend(repeated(&found.gauge));
-    lines.extend(planned(&found.plans));
     lines
 }
 
@@ -156,26 +153,5 @@ fn repeated(gauge: &[GaugeResult]) -> Option<String> {
         cell(both.gauge.study_percent),
         categories(one.ndc),
         categories(both.ndc)
-    ))
-}
-
-fn planned(plans: &[PlanResult]) -> Option<String> {
-    let cheap = cheapest(plans)?;
-    let full = plans.last()?;
-    let best = plans.iter().max_by(|a, b| a.auc.total_cmp(&b.auc))?;
-    let list = |values: &[f64]| values.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
-    Some(format!(
-        "The cheapest plan within 0.01 AUC of the full one ({}, {} s a shoulder) is offset {} mm, velocity {} m/s, {} \
-         repetition(s): AUC {}, {} s a shoulder, {} s a casing; the competing machine takes {COMPETITOR_CASING_S} s a casing. The best \
-         of all plans, chosen on the judged tyres, has {}.",
-        cell(full.auc),
-        cell(full.shoulder_s),
-        list(&cheap.turns.offsets_mm),
-        list(&cheap.turns.velocities_m_per_s),
-        cheap.turns.repetitions,
-        cell(cheap.auc),
-        cell(cheap.shoulder_s),
-        cell(2.0 * cheap.shoulder_s),
-        cell(best.auc)
     ))
 }

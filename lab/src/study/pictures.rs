@@ -1,12 +1,11 @@
-//! What is drawn of the study: ROC, indices with intervals, probability of detection, and plans by time.
+//! What is drawn of the study: ROC, indices with intervals, and probability of detection.
 
 use crate::evaluation::{Areas, Detection, Mark, Picture, Plot, axis};
 use plotters::style::RGBColor;
 use tapline_fuse::IndexKind;
 
 use super::candidates::{Candidate, SingleDiscriminator, best_alone, find};
-use super::plans::{COMPETITOR_CASING_S, PlanResult, cheapest};
-use tapline_draw::canvas::{INK, PALE_INK, Point};
+use tapline_draw::canvas::{INK, Point};
 use tapline_draw::palette::COLORS;
 
 /// All of them.
@@ -14,11 +13,10 @@ pub(super) fn pictures(
     candidates: &[Candidate],
     alone: &[SingleDiscriminator],
     detection: &[Detection],
-    plans: &[PlanResult],
     sets: &[&'static str],
     seed: u64,
 ) -> Vec<Picture> {
-    vec![roc(candidates, sets), indices(candidates, alone, sets, seed), pod(detection), by_time(plans)]
+    vec![roc(candidates, sets), indices(candidates, alone, sets, seed), pod(detection)]
 }
 
 fn roc(candidates: &[Candidate], sets: &[&'static str]) -> Picture {
@@ -138,50 +136,5 @@ fn pod(detection: &[Detection]) -> Picture {
         columns: 2,
         height: 240.0,
         plots: detection.iter().map(|d| d.plot("Length across the shoulder in mm", (3.0, 31.0))).collect(),
-    }
-}
-
-fn by_time(plans: &[PlanResult]) -> Picture {
-    let point = |t: &PlanResult| (t.shoulder_s / 60.0, t.auc);
-    let all: Vec<Point> = plans.iter().map(point).collect();
-    let mut front: Vec<Point> = plans.iter().filter(|t| t.is_on_front).map(point).collect();
-    front.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let least = all.iter().map(|p| p.1).min_by(f64::total_cmp).unwrap_or(0.0);
-    let most = all.iter().map(|p| p.1).max_by(f64::total_cmp).unwrap_or(1.0);
-    let room = 0.06 * (most - least) + 1e-3;
-    let longest = all.iter().map(|p| p.0).max_by(f64::total_cmp).unwrap_or(1.0);
-    let mut marks = vec![
-        Mark::Dots(all, COLORS[0], 2.5),
-        Mark::Line(front.clone(), COLORS[1], 1.5),
-        Mark::Rings(front, COLORS[1], 4.5),
-    ];
-    if let Some(full) = plans.last() {
-        let enough = full.auc - 0.01;
-        marks.insert(0, Mark::Line(vec![(0.0, enough), (1.06 * longest, enough)], PALE_INK, 1.0));
-        marks.push(Mark::Rings(vec![point(full)], INK, 7.0));
-    }
-    if let Some(t) = cheapest(plans) {
-        marks.push(Mark::Rings(vec![point(t)], COLORS[2], 7.0));
-    }
-    let keys =
-        [("a plan", COLORS[0]), ("front", COLORS[1]), ("full plan", INK), ("cheapest within 0.01 of it", COLORS[2])];
-    Picture {
-        name: "plans",
-        beside: "plans_of_note",
-        title: "AUC against time on the rig, plan by plan",
-        note: format!(
-            "1.7 s a tap, 100 locations a turn. Grey: 0.01 below the full plan. The competing machine takes {COMPETITOR_CASING_S} s for both shoulders, \
-             left of every plan."
-        ),
-        keys: keys.map(|(name, color)| (name.to_owned(), color)).to_vec(),
-        columns: 1,
-        height: 320.0,
-        plots: vec![Plot {
-            name: String::new(),
-            x: axis("Minutes a shoulder", (0.0, 1.06 * longest), 12),
-            y: axis("AUC", (least - room, most + room), 7),
-            rows: Vec::new(),
-            marks,
-        }],
     }
 }

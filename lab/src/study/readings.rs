@@ -32,8 +32,8 @@ pub(crate) fn by_readings(
     let mut found: Vec<AreasOfSet> = sets.iter().map(|set| (set.name, vec![Vec::new(); readings.len()])).collect();
     for seed in seeds {
         for ((number, set), (_, by_reading)) in (0..).zip(&sets).zip(&mut found) {
-            let splits = Split::scan_read(set, number, &size, &size.turns, (seed, 0), readings)?;
-            let areas = each(&splits, 0, |split| {
+            let splits = Split::scan_read(set, number, &size, seed, readings)?;
+            let areas = each(&splits, |split| {
                 Ok(Areas::new(&judge(&FuseConfig::default(), &split.judged()?, &split.healthy()?)?))
             })?;
             by_reading.iter_mut().zip(areas).for_each(|(of_reading, areas)| of_reading.push(areas));

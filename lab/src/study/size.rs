@@ -2,14 +2,10 @@
 
 use super::dataset::Turns;
 
-/// Offsets of the full plan, in mm, as in section 5.2.
-pub(super) const OFFSETS_MM: [f64; 4] = [0.0, 5.0, 10.0, 15.0];
-/// Velocities of the full plan, in m/s.
-pub(super) const VELOCITIES_M_PER_S: [f64; 3] = [1.2, 1.5, 1.85];
-/// Repetitions of the full plan.
-pub(super) const REPETITIONS: u16 = 2;
-/// The velocity of all that does not vary it.
-pub(super) const VELOCITY_M_PER_S: f64 = 1.5;
+/// Offsets of a scan, in mm, as in section 5.2.
+const OFFSETS_MM: [f64; 4] = [0.0, 5.0, 10.0, 15.0];
+/// Repetitions of a scan.
+const REPETITIONS: u16 = 2;
 
 /// How much is simulated.
 #[derive(Debug, Clone)]
@@ -35,14 +31,12 @@ pub(super) struct Size {
     pub set_count: usize,
     /// The turns of every set, and of the targets.
     pub turns: Turns,
-    /// The full plan.
-    pub full: Turns,
     /// The turns of what counts false calls and of the gauge.
     pub short: Turns,
 }
 
-fn turns(offsets_mm: &[f64], velocities_m_per_s: &[f64]) -> Turns {
-    Turns { offsets_mm: offsets_mm.to_vec(), velocities_m_per_s: velocities_m_per_s.to_vec(), repetitions: REPETITIONS }
+fn turns(offsets_mm: &[f64]) -> Turns {
+    Turns { offsets_mm: offsets_mm.to_vec(), repetitions: REPETITIONS }
 }
 
 impl Size {
@@ -59,9 +53,8 @@ impl Size {
             gauge_tyres: 8,
             gauge_scans: 3,
             set_count: usize::MAX,
-            turns: turns(&OFFSETS_MM, &[VELOCITY_M_PER_S]),
-            full: turns(&OFFSETS_MM, &VELOCITIES_M_PER_S),
-            short: turns(&[0.0], &[VELOCITY_M_PER_S]),
+            turns: turns(&OFFSETS_MM),
+            short: turns(&[0.0]),
         }
     }
 
@@ -78,8 +71,7 @@ impl Size {
             gauge_tyres: 2,
             gauge_scans: 2,
             set_count: 2,
-            turns: turns(&OFFSETS_MM[..2], &[VELOCITY_M_PER_S]),
-            full: turns(&OFFSETS_MM[..2], &VELOCITIES_M_PER_S[..2]),
+            turns: turns(&OFFSETS_MM[..2]),
             ..Self::full_study(tyres)
         }
     }
