@@ -23,6 +23,8 @@ pub enum Unit {
     Things(&'static str),
     /// Bytes, which are shown as megabytes.
     Bytes,
+    /// Parts of the whole, which are shown in per cent.
+    Part,
 }
 
 /// How far a verb is. It ends, and leaves nothing on a terminal, when it is dropped.
@@ -95,6 +97,7 @@ impl Progress {
         };
         let counts = match self.unit {
             Unit::Things(name) => format!("{position} of {total} {name}, {} {name}/s", Rate(rate)),
+            Unit::Part => format!("{} %", 100 * position / total.max(1)),
             Unit::Bytes => format!("{} of {} MB, {} MB/s", position / 1_000_000, total / 1_000_000, Rate(rate / 1e6)),
         };
         format!("{counts}{}", TimeLeft(left))
