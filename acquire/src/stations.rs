@@ -200,6 +200,7 @@ impl StationConfig {
 pub fn validate_stations(stations: &[StationConfig]) -> Result<(), Error> {
     let mut numbers = BTreeMap::new();
     let mut sources: BTreeMap<(&str, &Path), u16> = BTreeMap::new();
+    let mut folders: Vec<(PathBuf, u16)> = Vec::new();
     for (place, station) in stations.iter().enumerate() {
         let table = format!("station[{place}]");
         station.check(&table)?;
@@ -208,11 +209,19 @@ pub fn validate_stations(stations: &[StationConfig]) -> Result<(), Error> {
             let bound = format!("another number than that of station[{first}]");
             return Err(Error::setting(key("number"), station.number, bound));
         }
-        let named = [
-            ("folder", station.folder.as_deref()),
-            ("rig", station.rig.as_deref().map(Path::new)),
-            ("device", station.device.as_deref().map(Path::new)),
-        ];
+        if let Some(folder) = &station.folder {
+            let place = place_of(folder);
+            // What one station moves within its folder, the other would take for casings.
+            let is_shared = |other: &Path| place.starts_with(other) || other.starts_with(&place);
+            if let Some((_, first)) = folders.iter().find(|(other, _)| is_shared(other)) {
+                let bound =
+                    format!("another than that of the station with number {first}, and neither within the other");
+                return Err(Error::setting(key("folder"), folder.display(), bound));
+            }
+            folders.push((place, station.number));
+        }
+        let named =
+            [("rig", station.rig.as_deref().map(Path::new)), ("device", station.device.as_deref().map(Path::new))];
         for (field, of) in named.into_iter().filter_map(|(field, of)| Some((field, of?))) {
             if let Some(first) = sources.insert((field, of), station.number) {
                 let bound = format!("another than that of the station with number {first}");
@@ -221,6 +230,11 @@ pub fn validate_stations(stations: &[StationConfig]) -> Result<(), Error> {
         }
     }
     Ok(())
+}
+
+/// Where a folder is, however it is named: without links if it is there.
+fn place_of(folder: &Path) -> PathBuf {
+    folder.canonicalize().or_else(|_| std::path::absolute(folder)).unwrap_or_else(|_| folder.to_path_buf())
 }
 
 /// Opens where the casings of `station` come from; `wake` is called when a rig has answered, or a tap was heard.
@@ -332,6 +346,29 @@ mod tests {
             let error = stations(&text).unwrap_err();
             assert!(error.contains(want), "{error:?} lacks {want:?}");
         }
+    }
+
+    /// Catches a folder of two stations that is named in two ways, and one within another.
+    #[test]
+    fn no_two_stations_share_a_folder() {
+        let dir = tempfile::tempdir().unwrap();
+        let inbox = dir.path().join("in");
+        std::fs::create_dir(&inbox).unwrap();
+        std::os::unix::fs::symlink(&inbox, dir.path().join("link")).unwrap();
+        let two = |first: &str, second: &str| {
+            let table = |number: u8, folder: &str| {
+                let folder = dir.path().join(folder);
+                format!("[[station]]\nnumber = {number}\nsource = \"folder\"\nfolder = {folder:?}\n")
+            };
+            stations(&(table(1, first) + &table(2, second)))
+        };
+        for second in ["in", "./in/", "in/../in", "link", "in/done"] {
+            let error = two("in", second).unwrap_err();
+            assert!(error.contains("another than that of the station with number 1"), "{second}: {error}");
+        }
+        assert!(two("in/done", "in").is_err());
+        assert!(two("not/there", "./not/there").is_err());
+        assert!(two("in", "in-2").is_ok());
     }
 
     /// Catches a source that is taken for another.
