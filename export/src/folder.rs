@@ -14,7 +14,7 @@ pub(crate) struct Draft {
 }
 
 impl Draft {
-    /// Begins the folder that will be `folder`, which may exist already if it is empty.
+    /// Begins the folder that will be `folder`, which may exist already if it is empty; those above it are made.
     pub(crate) fn new(folder: &Path) -> Result<Self> {
         // The path may end in a slash or be ".": canonical, it has a parent and a name to which a suffix can be added. If it is a
         // link to a folder, the link stays.
@@ -31,6 +31,9 @@ impl Draft {
             Err(error) => return Err(error).context("use as a folder for taps", &folder),
         }
         let draft = folder.with_added_extension(format!("{}.new", std::process::id()));
+        if let Some(above) = folder.parent() {
+            fs::create_dir_all(above).context("make the folder", above)?;
+        }
         fs::create_dir(&draft).context("make the folder", &draft)?;
         Ok(Self { draft, folder })
     }

@@ -264,7 +264,7 @@ fn what_cannot_be_exported_is_said() {
     sandbox.write("full/mine.txt", "mine");
     fails("export run.h5 taps --out full", &["full", "empty"]);
     fails("export run.h5 taps --out run.h5", &["run.h5"]);
-    fails("export run.h5 taps --out nowhere/set", &["nowhere"]);
+    fails("export run.h5 taps --out run.h5/set", &["run.h5"]);
     assert_eq!(fs::read_to_string(sandbox.path("full/mine.txt")).unwrap(), "mine");
 
     let reader = Reader::open(sandbox.path("run.h5")).unwrap();
@@ -277,6 +277,8 @@ fn what_cannot_be_exported_is_said() {
     fs::create_dir(sandbox.path("empty")).unwrap();
     sandbox.run("export run.h5 taps --out empty/").expect(0);
     assert!(sandbox.path("empty/scan.toml").exists());
+    sandbox.run("export run.h5 taps --out not/there/set").expect(0);
+    assert!(sandbox.path("not/there/set/scan.toml").exists());
     assert!(left_over(&sandbox.path("")).is_empty(), "{:?}", left_over(&sandbox.path("")));
 }
 
