@@ -275,11 +275,14 @@ fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
     }
     if let Some(auc) = &summary.auc {
         let text = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.4}"));
+        let casings = match summary.casings {
+            all if auc.casings < all => format!("{} of {all} casings", auc.casings),
+            all => counted(all, "casing", "casings"),
+        };
         let alone: Vec<String> = auc.discriminators.iter().map(|(name, v)| format!("{name} {}", text(*v))).collect();
         writeln!(
             out,
-            "AUC against truth ({}, {} cracked, {} sound locations): index {}; alone: {}",
-            counted(auc.casings, "casing", "casings"),
+            "AUC against truth ({casings}, {} cracked, {} sound locations): index {}; alone: {}",
             auc.cracked,
             auc.sound,
             text(auc.index),

@@ -26,6 +26,10 @@ pub(crate) struct ShoulderStatus {
     pub angles_deg: Vec<f64>,
     /// One character for each location: how many of its taps there are, from `0`, none, to `9`, all; `r` where one is refused.
     pub locations: String,
+    /// Taps at them.
+    pub planned: usize,
+    /// Of these, archived or refused.
+    pub settled: usize,
 }
 
 /// Where the taps of a casing's plan lie.
@@ -110,6 +114,8 @@ impl Layout {
             tyre: shoulder.tyre.to_string(),
             shoulder: shoulder.number,
             angles_deg: shoulder.angles_deg.clone(),
+            planned: counts.iter().map(|count| count.planned).sum(),
+            settled: counts.iter().map(|count| count.settled).sum(),
             locations: counts.into_iter().map(Count::character).collect(),
         };
         self.shoulders.iter().zip(counts).map(of).collect()
@@ -166,6 +172,7 @@ mod tests {
         let shown = layout.shoulders(Some(&ledger));
         assert_eq!((shown[0].locations.as_str(), &shown[0].angles_deg), ("9r4", &vec![0.0, 120.0, 240.1]));
         assert_eq!((shown[1].locations.as_str(), shown[1].angles_deg.len()), ("9", 0));
+        assert_eq!((shown[0].planned, shown[0].settled, shown[1].settled), (6, 4, 1));
         assert_eq!(retaken(&ledger), 3);
         // A plan that has grown has taps that an old ledger does not know.
         let grown = Layout::new(&[taps, vec![tap(2, 7, 1, None)]].concat());

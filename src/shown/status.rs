@@ -138,6 +138,8 @@ mod tests {
             shoulder: 1,
             angles_deg: vec![359.9; locations],
             locations: "9".repeat(locations),
+            planned: locations,
+            settled: locations,
         };
         let status = |locations| {
             let casing = Some(CasingStatus { shoulders: vec![ring(locations)], ..CasingStatus::default() });

@@ -133,7 +133,7 @@
   function ring(shoulder) {
     const count = shoulder.locations.length;
     const isRing = shoulder.angles_deg.length === count && count > 0;
-    const svg = draw('svg', { viewBox: isRing ? '10 10 240 240' : '0 0 260 90', role: 'img' });
+    const svg = draw('svg', { viewBox: isRing ? '-26 10 312 240' : '0 0 260 90', role: 'img' });
     const places = draw('g', {});
     if (isRing) {
       sectors(shoulder.angles_deg).forEach(([from, to]) => places.append(draw('path', { class: 'place', d: sector(62, 92, from, to) })));
@@ -161,9 +161,7 @@
     const count = shoulder.locations.length;
     const name = isMany ? `${shoulder.tyre}/${shoulder.shoulder}` : `Shoulder ${shoulder.shoulder}`;
     const arcs = judged ? judged.arcs : [];
-    // A location that has some of its taps counts by what it has, in eighths.
-    const parts = [...shoulder.locations].reduce((sum, character) => sum + (character === '9' || character === 'r' ? 1 : Number(character) / 8), 0);
-    const percent = `${count ? Math.floor((100 * parts) / count) : 0} %`;
+    const percent = `${shoulder.planned ? Math.floor((100 * shoulder.settled) / shoulder.planned) : 0} %`;
     put(of.mid, judged ? judged.verdict : isLive ? percent : '?');
     set(of.mid, 'class', judged ? 'mid mid-verdict' : 'mid');
     set(of.mid, 'y', String(of.isRing ? CENTRE + (judged ? 33 : 11) : 26));
@@ -183,7 +181,7 @@
       const [from, to] = ends(arc);
       const peak = arc.peak_deg ?? (from + to) / 2;
       // Words are wider than high.
-      const [x, y] = at(112 + 14 * Math.abs(Math.sin((peak * Math.PI) / 180)), peak).split(' ');
+      const [x, y] = at(112 + 20 * Math.abs(Math.sin((peak * Math.PI) / 180)), peak).split(' ');
       return [
         draw('path', { class: 'arc', d: sweep(99, from, to), 'data-from': from.toFixed(1), 'data-to': to.toFixed(1), 'data-peak': peak.toFixed(1) }),
         draw('text', { class: 'deg', x, y: Number(y) + 6 }, degrees(peak)),
