@@ -28,7 +28,9 @@ fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
             if path.is_dir() && !path.ends_with("open") {
                 folders.push(path);
             } else if path.extension().is_some_and(|ending| ending == "h5") {
-                files.insert(path.strip_prefix(folder).unwrap().to_owned(), fs::read(&path).unwrap());
+                // A file under way may be renamed meanwhile; it is there the next time.
+                let Ok(bytes) = fs::read(&path) else { continue };
+                files.insert(path.strip_prefix(folder).unwrap().to_owned(), bytes);
             }
         }
     }
