@@ -123,16 +123,17 @@ fn main() -> Result<()> {
         command: "cargo bench -p tapline-bench --bench kernels".to_owned(),
         notes: vec![
             format!(
-                "One core, {ROUNDS} rounds of {TURNS} turns each; of a round the fastest turn counts, because what else the host does comes and \
-                 goes, and only slows down. An untimed call comes before each timed one, but for what is streamed. Simulated taps of the default scan and seed, 4 MiB of records a turn."
+                "One core, {ROUNDS} rounds of {TURNS} turns each. The fastest turn of a round counts: other work of the host only slows down. \
+                 An untimed call comes before each timed one, but for what is streamed. Simulated taps of the default scan and seed, \
+                 4 MiB of records a turn."
             ),
             "The seven discriminators of the method with all quality flags, from force and sound of 16 bits. The Python programs \
              (`benches/discriminators.py`) compute the same values without flags, in the batch of 8, 16 or 64 taps that is fastest; \
              versions are pinned in `benches/python.txt`.".to_owned(),
             "A bare transform is the real transform of the sound alone, from samples that are floats already.".to_owned(),
             "Without AVX-512 the transform is rustfft's, and the rest uses AVX2 at most.".to_owned(),
-            "Judging takes in all discriminators of a casing, ends its scans and judges them. A new casing is one of which nothing is \
-             known; of the others every tap comes as a further attempt, so that nothing that was computed before can be used again."
+            "Judging takes in all discriminators of a casing, ends its scans and judges them. Of a new casing nothing is known. Of the \
+             others every tap comes as a further attempt, so that no earlier result can be used."
                 .to_owned(),
         ],
         rows,

@@ -210,15 +210,14 @@ pub fn validate_stations(stations: &[StationConfig]) -> Result<(), Error> {
             return Err(Error::setting(key("number"), station.number, bound));
         }
         if let Some(folder) = &station.folder {
-            let place = place_of(folder);
+            let resolved = resolved(folder);
             // What one station moves within its folder, the other would take for casings.
-            let is_shared = |other: &Path| place.starts_with(other) || other.starts_with(&place);
+            let is_shared = |other: &Path| resolved.starts_with(other) || other.starts_with(&resolved);
             if let Some((_, first)) = folders.iter().find(|(other, _)| is_shared(other)) {
-                let bound =
-                    format!("another than that of the station with number {first}, and neither within the other");
+                let bound = format!("neither that of the station with number {first}, nor within it, nor around it");
                 return Err(Error::setting(key("folder"), folder.display(), bound));
             }
-            folders.push((place, station.number));
+            folders.push((resolved, station.number));
         }
         let named =
             [("rig", station.rig.as_deref().map(Path::new)), ("device", station.device.as_deref().map(Path::new))];
@@ -232,8 +231,8 @@ pub fn validate_stations(stations: &[StationConfig]) -> Result<(), Error> {
     Ok(())
 }
 
-/// Where a folder is, however it is named: without links if it is there.
-fn place_of(folder: &Path) -> PathBuf {
+/// The absolute path of a folder, however it is named: without links if it is there.
+fn resolved(folder: &Path) -> PathBuf {
     folder.canonicalize().or_else(|_| std::path::absolute(folder)).unwrap_or_else(|_| folder.to_path_buf())
 }
 
@@ -357,14 +356,15 @@ mod tests {
         std::os::unix::fs::symlink(&inbox, dir.path().join("link")).unwrap();
         let two = |first: &str, second: &str| {
             let table = |number: u8, folder: &str| {
-                let folder = dir.path().join(folder);
+                // Relative paths of what is not there stay as they are.
+                let folder = if folder.contains("not") { PathBuf::from(folder) } else { dir.path().join(folder) };
                 format!("[[station]]\nnumber = {number}\nsource = \"folder\"\nfolder = {folder:?}\n")
             };
             stations(&(table(1, first) + &table(2, second)))
         };
         for second in ["in", "./in/", "in/../in", "link", "in/done"] {
             let error = two("in", second).unwrap_err();
-            assert!(error.contains("another than that of the station with number 1"), "{second}: {error}");
+            assert!(error.contains("neither that of the station with number 1"), "{second}: {error}");
         }
         assert!(two("in/done", "in").is_err());
         assert!(two("not/there", "./not/there").is_err());

@@ -21,8 +21,8 @@ fn main() -> Result<()> {
 fn page(sheets: &[Sheet]) -> Result<String> {
     let mut page = String::from(
         "# Performance\n\n`make bench` measures all of this and writes this page. Each yardstick takes turns with what it is compared with. A value is the \
-         median over rounds, with the quartiles in brackets; of a round of kernels the fastest turn counts. Times of one run may be compared with each \
-         other, not with those of another: the machine is shared, and other work only ever slows down.\n\n",
+         median over rounds, with the quartiles in brackets. Of a round of kernels the fastest turn counts. Compare times of one run \
+         with each other, not with those of another: the machine is shared.\n\n",
     );
     // Seed and effort are of charts: what a bench has of them is in its notes.
     let Provenance { cpu, vectors, system, commit, date, .. } = Provenance::here(0, false);
