@@ -114,7 +114,10 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         #[cfg(feature = "alsa")]
         Verb::Monitor { config, station } => verbs::monitor::monitor(config, *station),
         Verb::Calibrate { verb } => verbs::calibrate::calibrate(verb),
-        Verb::Config(args) => verbs::config::config(args),
+        Verb::Config(args) => match &args.check {
+            Some(path) => line::check_config(path),
+            None => verbs::config::example(),
+        },
         Verb::Completions { shell } => verbs::generated::completions(Cli::command(), *shell),
         Verb::Man { folder, force } => verbs::generated::man(Cli::command(), folder, force.existing()),
         Verb::Stage(args) => line::stage::stage(args),

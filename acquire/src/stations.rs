@@ -101,7 +101,8 @@ impl StationConfig {
     /// The table `capture` with what the samples of this station are worth.
     ///
     /// # Errors
-    /// As [`CalibrationFile::read`], and [`Error::Setting`] for a calibration at another range of a module.
+    /// As [`CalibrationFile::read`], and [`Error::Setting`] for a calibration at another range of a module, or for what the device
+    /// cannot give.
     pub fn heard_with(&self, capture: &CaptureConfig) -> Result<CaptureConfig, Error> {
         let calibration = self.calibration.as_deref().map(CalibrationFile::read).transpose()?.unwrap_or_default();
         let range_v = capture.uldaq.range_v;
@@ -113,7 +114,11 @@ impl StationConfig {
                 refuse(&key, kept_v, &format!("capture.uldaq.range_v, {range_v}: calibrate again"))?;
             }
         }
-        Ok(CaptureConfig { calibration, ..capture.clone() })
+        let capture = CaptureConfig { calibration, ..capture.clone() };
+        if let Some(device) = &self.device_name() {
+            capture.validate_for(device)?;
+        }
+        Ok(capture)
     }
 
     /// Checks every value against its bounds.
@@ -167,6 +172,9 @@ impl StationConfig {
             return refuse("rig", format!("{rig:?}"), bound);
         }
         self.rig_times(table)?;
+        if self.casings == Some(0) {
+            return refuse("casings", "0".to_owned(), "at least 1, or left out".to_owned());
+        }
         if self.first_casing == 0 {
             return refuse("first_casing", "0".to_owned(), "at least 1".to_owned());
         }
@@ -252,9 +260,6 @@ pub fn open_station(
     let number = station.number;
     let capture = station.heard_with(capture)?;
     let device = station.device_name();
-    if let Some(device) = &device {
-        capture.validate_for(device)?;
-    }
     Ok(match (station.source, &station.folder, &station.rig, &device) {
         (StationSource::Folder, Some(folder), ..) => Box::new(FolderArrivals::open(folder, number)?),
         (StationSource::Alsa | StationSource::Uldaq, _, None, Some(device)) => {
@@ -428,7 +433,7 @@ mod tests {
                 format!("[[station]]\nnumber = 1\nsource = {source:?}\ndevice = \"D\"\ncalibration = {file:?}\n");
             let station = stations(&text).unwrap().remove(0);
             let uldaq = UldaqConfig { range_v, ..UldaqConfig::default() };
-            let read = station.heard_with(&CaptureConfig { uldaq, ..CaptureConfig::default() });
+            let read = station.heard_with(&CaptureConfig { uldaq, bits: 24, ..CaptureConfig::default() });
             let want = format!(
                 "force.full_scale_v in {} is 10; it must be capture.uldaq.range_v, 1: calibrate again",
                 file.display()

@@ -47,9 +47,9 @@ pub enum WriteError {
     },
 }
 
-/// Has `write` fill the file at `path`. What stands there, or where a link there leads, is replaced at the end where `existing`
-/// says so, and stays if that fails; no archive is replaced. A pipe, a device and what is open already, as `/dev/stdout` is, are
-/// written to.
+/// Has `write` fill the file at `path`, in folders that are made where they are not there. What stands there, or where a link there
+/// leads, is replaced at the end where `existing` says so, and stays if that fails; no archive is replaced. A pipe, a device and what
+/// is open already, as `/dev/stdout` is, are written to.
 ///
 /// # Errors
 /// [`WriteError`].
@@ -75,6 +75,10 @@ where
     check_free(path, &place, existing)?;
     let draft = place.with_added_extension(format!("{}.new", std::process::id()));
     note_folder(&draft);
+    if let Some(folder) = place.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+        fs::create_dir_all(folder)
+            .map_err(|error| WriteError::Failed { path: folder.to_owned(), source: error.into() })?;
+    }
     let file = File::create(&draft).map_err(io)?;
     tracing::debug!("writing {}, which becomes {}", draft.display(), place.display());
     let written =
@@ -106,17 +110,13 @@ pub fn check_folder(path: &Path, existing: Existing) -> Result<(), WriteError> {
     }
 }
 
-/// Writes each text to its path, in folders that are made where they are not there; none, if one may not be written.
+/// Writes each text to its path; none, if one may not be written.
 ///
 /// # Errors
 /// [`WriteError`].
 pub fn write_texts(files: &[(PathBuf, String)], existing: Existing) -> Result<(), WriteError> {
     files.iter().try_for_each(|(path, _)| check_writable(path, existing))?;
     for (path, text) in files {
-        if let Some(folder) = path.parent() {
-            let failed = |error: io::Error| WriteError::Failed { path: folder.to_owned(), source: error.into() };
-            fs::create_dir_all(folder).map_err(failed)?;
-        }
         write_atomically(path, existing, |mut file| file.write_all(text.as_bytes()))?;
     }
     Ok(())

@@ -3,7 +3,7 @@
 use std::io::IsTerminal as _;
 
 use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
-use comfy_table::{ColumnConstraint, ContentArrangement, Table};
+use comfy_table::{ColumnConstraint, ContentArrangement, Table, Width};
 
 /// Columns of a terminal that does not tell how wide it is, and of what is no terminal.
 const WIDTH: u16 = 80;
@@ -27,6 +27,21 @@ pub fn break_last_column(table: &mut Table) {
     });
 }
 
+/// Breaks cells between words alone, so that a number stays whole; a table of many columns may be wider than the terminal for it.
+pub fn break_between_words(table: &mut Table) {
+    let longest = |text: &str| text.split_whitespace().map(|word| word.chars().count()).max().unwrap_or(0);
+    let mut widths = vec![0; table.column_count()];
+    for row in table.header().into_iter().chain(table.row_iter()) {
+        for (width, cell) in widths.iter_mut().zip(row.cell_iter()) {
+            *width = longest(&cell.content()).max(*width);
+        }
+    }
+    for (column, width) in table.column_iter_mut().zip(widths) {
+        let with_padding = u16::try_from(width + 2).unwrap_or(u16::MAX);
+        column.set_constraint(ColumnConstraint::LowerBoundary(Width::Fixed(with_padding)));
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -39,5 +54,16 @@ mod tests {
         let text = wide.to_string();
         assert!(text.lines().all(|line| line.chars().count() <= usize::from(WIDTH)), "{text}");
         assert!(text.matches("words").count() == 60, "{text}");
+    }
+
+    /// Catches a number that is broken because its table has many columns.
+    #[test]
+    fn numbers_stay_whole() {
+        let mut wide = table((0..12).map(|k| format!("column with number {k}")));
+        let numbers: Vec<String> = (0..12).map(|k| format!("{k}.0123456789")).collect();
+        wide.add_row(&numbers);
+        break_between_words(&mut wide);
+        let text = wide.to_string();
+        assert!(numbers.iter().all(|number| text.contains(number)), "{text}");
     }
 }

@@ -1,8 +1,8 @@
 //! `tapline-lab headroom`: how many stations this host carries, and what binds.
 //!
-//! The built program runs a line of simulated stations at the pace of real ones for a short time. What each process of it used
-//! of the processors and of memory, what the line took of `/dev/shm` and what it wrote are shared out over the stations, and
-//! compared with what the host has.
+//! The built program runs two lines of simulated stations at the pace of real ones for a short time: one station, and many. What
+//! the second used more of the processors, of memory, of `/dev/shm` and of the disk is shared out over the stations it has more;
+//! the rest is what any line takes. Both are compared with what the host has.
 
 use std::fs::{self, File};
 use std::io::Write as _;
@@ -23,6 +23,9 @@ use crate::line_cost::{LineCost, Pace, run_command};
 /// Part of the processors that stations may take: the rest is for what else the host does.
 const USABLE: f64 = 0.8;
 
+/// Longest time for which one station is tried.
+const ONE_S_MAX: f64 = 60.0;
+
 /// Bytes that are written to see how fast the disk is.
 const WRITTEN: usize = 1 << 26;
 
@@ -32,13 +35,13 @@ const SHARED: &str = "/dev/shm";
 /// How the host is measured.
 #[derive(Debug, Args)]
 pub struct HeadroomArgs {
-    /// Stations that are simulated meanwhile.
-    #[arg(long, default_value_t = 32, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    /// Stations of the second line that is tried; the first has one.
+    #[arg(long, default_value_t = 32, value_parser = clap::value_parser!(u16).range(2..=1024))]
     stations: u16,
     /// Taps of a station in a second.
     #[arg(long, default_value_t = 2.5)]
     taps_per_s: f64,
-    /// Seconds that the line runs.
+    /// Seconds that the second line runs; the first runs as long, and at most 60.
     #[arg(long, default_value_t = 20.0)]
     seconds: f64,
     /// Per cent of a core that listening takes at each station besides: `benches/scripts/listen.py` measures it.
@@ -58,13 +61,15 @@ struct Resource {
     unit: &'static str,
     /// What the host has.
     total: f64,
+    /// What a line takes without its stations.
+    of_line: f64,
     /// What a station takes.
     of_station: f64,
 }
 
 impl Resource {
     fn stations(&self) -> f64 {
-        (self.total / self.of_station).floor()
+        ((self.total - self.of_line) / self.of_station).floor().clamp(0.0, f64::INFINITY)
     }
 }
 
@@ -85,44 +90,50 @@ pub fn headroom(args: &HeadroomArgs) -> Result<()> {
         .prefix("headroom-")
         .tempdir_in(folder)
         .with_context(|| format!("--folder {}", folder.display()))?;
-    let used = Used::of_line(folder.path(), *stations, *taps_per_s, *seconds)?;
+    let try_line = |stations: u16, seconds| {
+        Used::by_line(&folder.path().join(stations.to_string()), stations, *taps_per_s, seconds)
+    };
+    let (one, many) = (try_line(1, seconds.clamp(0.0, ONE_S_MAX))?, try_line(*stations, *seconds)?);
     let disk_mb_per_s = disk_mb_per_s(&folder.path().join("plain"))?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from) as f64;
-    let percent = used.cpu_us_per_tap * taps_per_s / 1e4;
+    let more_stations = f64::from(stations - 1);
+    let resource = |name, unit, total, used: &dyn Fn(&Used) -> f64, besides: f64| {
+        let more = used(&many) - used(&one);
+        // Where noise hides what the others take, what any line takes is shared out too: rather too few stations than too many.
+        let of_station = if more > 0.0 { more / more_stations } else { used(&many) / f64::from(*stations) };
+        let of_line = (used(&one) - of_station).clamp(0.0, f64::INFINITY);
+        Resource { name, unit, total, of_line, of_station: of_station + besides }
+    };
+    let processors = 100.0 * cores * USABLE;
     let resources = [
-        Resource {
-            name: "processors",
-            unit: "% of a core",
-            total: 100.0 * cores * USABLE,
-            of_station: percent + listening_percent,
-        },
-        Resource { name: "memory", unit: "MB", total: free_memory_mb(), of_station: used.memory_mb },
-        Resource { name: SHARED, unit: "MB", total: used.shared_free_mb, of_station: used.shared_mb },
-        Resource {
-            name: "disk",
-            unit: "MB/s",
-            total: disk_mb_per_s,
-            of_station: used.kib_per_tap * 1024.0 / 1e6 * taps_per_s,
-        },
+        resource("processors", "% of a core", processors, &|used| used.cpu_percent, *listening_percent),
+        resource("memory", "MB", free_memory_mb(), &|used| used.memory_mb, 0.0),
+        resource(SHARED, "MB", one.shared_free_mb, &|used| used.shared_mb, 0.0),
+        resource("disk", "MB/s", disk_mb_per_s, &|used| used.disk_mb_per_s, 0.0),
     ];
+    let of_tap_us = (resources[0].of_station - listening_percent) * 1e4 / taps_per_s;
     let least = resources.iter().min_by(|a, b| a.stations().total_cmp(&b.stations())).context("there are resources")?;
     let mut out = std::io::stdout().lock();
     if *json {
         let each = resources.iter().map(|of| {
-            json!({ "resource": of.name, "unit": of.unit, "total": of.total, "of_station": of.of_station, "stations": of.stations() })
+            json!({
+                "resource": of.name, "unit": of.unit, "total": of.total, "of_line": of.of_line, "of_station": of.of_station,
+                "stations": of.stations(),
+            })
         });
         let text = json!({
             "stations": least.stations(), "binds": least.name, "taps_per_s": taps_per_s,
-            "cpu_us_per_tap": used.cpu_us_per_tap, "resources": each.collect::<Vec<Value>>(),
+            "cpu_us_per_tap": of_tap_us, "resources": each.collect::<Vec<Value>>(),
         });
         writeln!(out, "{text}")?;
         return Ok(());
     }
-    let mut rows = table(["what", "the host has", "a station takes", "stations"]);
+    let mut rows = table(["what", "the host has", "a line takes", "a station takes", "stations"]);
     for of in &resources {
         rows.add_row([
             of.name.to_owned(),
             format!("{:.0} {}", of.total, of.unit),
+            format!("{:.3} {}", of.of_line, of.unit),
             format!("{:.3} {}", of.of_station, of.unit),
             format!("{:.0}", of.stations()),
         ]);
@@ -136,9 +147,8 @@ pub fn headroom(args: &HeadroomArgs) -> Result<()> {
     )?;
     writeln!(
         out,
-        "Measured with {stations} simulated stations: {:.0} us of processor time a tap without the simulation, {percent:.3} % of a \
-         core a station; listening to a sound card is taken as {listening_percent} % besides. {:.0} % of the cores are shared out.",
-        used.cpu_us_per_tap,
+        "Measured with 1 and with {stations} simulated stations: {of_tap_us:.0} us of processor time a tap without the simulation; \
+         listening to a sound card is taken as {listening_percent} % of a core a station besides. {:.0} % of the cores are shared out.",
         100.0 * USABLE
     )?;
     Ok(())
@@ -146,21 +156,22 @@ pub fn headroom(args: &HeadroomArgs) -> Result<()> {
 
 /// What a line used.
 struct Used {
-    /// Processor time of all processes but those that simulate.
-    cpu_us_per_tap: f64,
-    /// Most memory of all processes, a station.
+    /// Processor time of all processes but those that simulate, in per cent of a core.
+    cpu_percent: f64,
+    /// Most memory of all processes.
     memory_mb: f64,
-    /// What `/dev/shm` had free before, and what the line took of it, a station.
+    /// What `/dev/shm` had free before, and what the line took of it.
     shared_free_mb: f64,
     shared_mb: f64,
-    /// Archived bytes.
-    kib_per_tap: f64,
+    /// What it archived.
+    disk_mb_per_s: f64,
 }
 
 impl Used {
     /// A line of `stations` that make `taps_per_s` each, for about `seconds`.
-    fn of_line(folder: &Path, stations: u16, taps_per_s: f64, seconds: f64) -> Result<Self> {
+    fn by_line(folder: &Path, stations: u16, taps_per_s: f64, seconds: f64) -> Result<Self> {
         let program = program()?;
+        fs::create_dir(folder)?;
         // Two shoulders, each with one tap more than it has locations.
         let locations = (taps_per_s * seconds / 2.0).clamp(16.0, 10_000.0) as u32;
         let config = folder.join("line.toml");
@@ -178,15 +189,14 @@ impl Used {
             .with_context(|| format!("cannot start {}", program.display()))?;
         let shared_least = watch(child, f64::from(2 * locations) / taps_per_s)?;
         let Pace { taps, processes, .. } = LineCost::printed(&fs::read_to_string(printed)?)?.pace;
-        let each = f64::from(stations);
         let cpu_s: f64 = processes.iter().filter(|of| !of.is_source()).map(|of| of.user_s + of.kernel_s).sum();
-        let memory_mb: f64 = processes.iter().map(|of| of.peak_memory_mb).sum();
+        let tapped_s = taps / (f64::from(stations) * taps_per_s);
         Ok(Self {
-            cpu_us_per_tap: cpu_s * 1e6 / taps,
-            memory_mb: memory_mb / each,
+            cpu_percent: 100.0 * cpu_s / tapped_s,
+            memory_mb: processes.iter().map(|of| of.peak_memory_mb).sum(),
             shared_free_mb: shared_before,
-            shared_mb: ((shared_before - shared_least) / each).clamp(0.001, f64::INFINITY),
-            kib_per_tap: bytes_in(&out)? / 1024.0 / taps,
+            shared_mb: (shared_before - shared_least).clamp(0.001, f64::INFINITY),
+            disk_mb_per_s: bytes_in(&out)? / 1e6 / tapped_s,
         })
     }
 }

@@ -24,7 +24,7 @@ pub(crate) struct InMemoryScan<'a> {
     pub scan: &'a ScanConfig,
     /// The rig and its imperfections.
     pub simulation: &'a SimulationConfig,
-    /// The discriminators; its `workers` count nothing here.
+    /// The discriminators.
     pub process: &'a ProcessConfig,
     /// How often an unusable tap is taken again, as in [`tapline_acquire::AcquireConfig::retakes`].
     pub retakes: u16,

@@ -46,12 +46,4 @@ pub enum Error {
         /// What it must be.
         bound: &'static str,
     },
-    /// More workers than any machine can use.
-    #[error("process.workers = {value}: must be at most {bound}")]
-    Workers {
-        /// Number given.
-        value: usize,
-        /// Largest number allowed.
-        bound: usize,
-    },
 }

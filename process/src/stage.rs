@@ -1,26 +1,16 @@
-//! `process` on a line: one thread that talks to shared memory, and one worker per core that reads samples in place.
+//! `process` on a line: one thread, which reads samples in place. More threads would be slower: to wake one takes as long as
+//! extracting a tap of 50 ms.
 
-use std::collections::VecDeque;
-use std::num::NonZeroUsize;
-use std::thread::{Builder, available_parallelism, scope};
 use std::time::Duration;
 
-use crossbeam::channel::{Receiver, Sender, bounded};
 use hdrhistogram::Histogram;
 use serde::{Deserialize, Serialize};
 use tapline_wire::{
     DiscriminatorTopic, Discriminators, Line, LineError, Publisher, Quality, Received, RecordKind, Samples, Stamp,
-    Subscriber, TapHeader, TapTopic, Topic, Waker, monotonic_ns,
+    Subscriber, TapHeader, TapTopic, monotonic_ns,
 };
 
 use crate::{Error, ProcessConfig, ProcessExtractor};
-
-/// Most taps that the workers may have at once; fewer than a subscriber may borrow.
-const IN_HAND_MAX: usize = TapTopic::BORROWED - 2;
-
-/// So many taps, and fewer, are extracted where they are received: waking a worker takes as long as extracting a tap, so
-/// workers are for taps that come faster than one thread extracts them.
-const FEW: usize = 8;
 
 /// Longest latency that is counted as such; longer ones count as this.
 const LATENCY_MAX_US: u64 = 600_000_000;
@@ -35,17 +25,6 @@ pub enum RunError {
     /// Shared memory fails.
     #[error(transparent)]
     Line(#[from] LineError),
-    /// A worker cannot be started.
-    #[error("cannot start the worker {name}")]
-    Thread {
-        /// Its name.
-        name: String,
-        /// The system's reason.
-        source: std::io::Error,
-    },
-    /// A worker has ended while there is work.
-    #[error("a worker has ended while there is work for it")]
-    WorkersGone,
 }
 
 /// What `process` did.
@@ -61,8 +40,6 @@ pub struct Outcome {
     pub latency_p50_us: u64,
     /// The same for the slowest one in a hundred.
     pub latency_p99_us: u64,
-    /// Worker threads.
-    pub worker_count: usize,
 }
 
 /// Turns the taps on `line` into discriminators until asked to stop.
@@ -70,94 +47,18 @@ pub struct Outcome {
 /// # Errors
 /// [`RunError`] when the configuration is not valid or shared memory fails. Being asked to stop is no error.
 pub fn run(line: &Line, config: &ProcessConfig) -> Result<Outcome, RunError> {
-    let worker_count = match config.workers {
-        0 => available_parallelism().map_or(1, NonZeroUsize::get),
-        count => count,
-    };
     let mut stage = StageLoop::open(line, config)?;
-    let (work, to_do) = bounded(IN_HAND_MAX);
-    let (finish, done) = bounded(IN_HAND_MAX);
-    let waker = line.waker();
-    let outcome = scope(|threads| {
-        for k in 0..worker_count {
-            let worker = Worker {
-                extractor: ProcessExtractor::new(config)?,
-                to_do: to_do.clone(),
-                finish: finish.clone(),
-                waker: waker.clone(),
-            };
-            let name = format!("extract-{k}");
-            let spawned = Builder::new().name(name.clone()).spawn_scoped(threads, move || worker.extract_all());
-            spawned.map_err(|source| RunError::Thread { name, source })?;
-        }
-        // Only the workers hold these ends now: the channels close when the workers or the loop end.
-        drop((to_do, finish));
-        let served = stage.serve(&work, &done);
-        drop(work);
-        served
-    });
-    let mut outcome = match outcome {
-        Ok(()) | Err(RunError::Line(LineError::Stopped { .. })) => stage.outcome(),
-        Err(error) => return Err(error),
-    };
-    outcome.worker_count = worker_count;
-    Ok(outcome)
-}
-
-/// The discriminators of one tap, and when the tap was sent.
-struct Done {
-    casing: u64,
-    record: Discriminators,
-    sent_ns: i64,
-    sample_bytes: usize,
-}
-
-fn extract(extractor: &mut ProcessExtractor, tap: &Received<TapTopic>) -> Done {
-    let header = tap.header();
-    // The extractor flags a header that does not fit its payload; it then sees no samples.
-    let samples = Samples::view(header, tap).unwrap_or(Samples::I16(&[]));
-    let record = extractor.extract(header, samples);
-    Done { casing: header.stamp.casing, record, sent_ns: header.sent_ns, sample_bytes: header.payload_bytes() }
-}
-
-/// One thread that extracts.
-struct Worker {
-    extractor: ProcessExtractor,
-    to_do: Receiver<Received<TapTopic>>,
-    finish: Sender<Option<Done>>,
-    waker: Waker,
-}
-
-impl Worker {
-    fn extract_all(mut self) {
-        while let Ok(tap) = self.to_do.recv() {
-            let done = extract(&mut self.extractor, &tap);
-            drop(tap);
-            if self.finish.send(Some(done)).is_err() {
-                return;
-            }
-            self.waker.wake();
-        }
+    match stage.serve() {
+        Ok(()) | Err(LineError::Stopped { .. }) => Ok(stage.outcome()),
+        Err(error) => Err(error.into()),
     }
 }
 
-impl Drop for Worker {
-    /// Reports a worker that panics; otherwise the loop would wait for its tap for ever.
-    fn drop(&mut self) {
-        if std::thread::panicking() && self.finish.send(None).is_ok() {
-            self.waker.wake();
-        }
-    }
-}
-
-/// The thread that talks to shared memory.
 struct StageLoop<'a> {
     line: &'a Line,
     taps: Subscriber<'a, TapTopic>,
     found: Publisher<'a, DiscriminatorTopic>,
-    /// For taps of which no more than [`FEW`] wait.
     extractor: ProcessExtractor,
-    in_hand: usize,
     tap_count: u64,
     sample_bytes: u64,
     latency_us: Histogram<u64>,
@@ -170,38 +71,20 @@ impl<'a> StageLoop<'a> {
             taps: Subscriber::open(line)?,
             found: Publisher::open(line)?,
             extractor: ProcessExtractor::new(config)?,
-            in_hand: 0,
             tap_count: 0,
             sample_bytes: 0,
             latency_us: latencies(),
         })
     }
 
-    fn serve(&mut self, work: &Sender<Received<TapTopic>>, done: &Receiver<Option<Done>>) -> Result<(), RunError> {
-        let mut waiting = VecDeque::with_capacity(IN_HAND_MAX);
+    fn serve(&mut self) -> Result<(), LineError> {
         loop {
             let mut is_idle = true;
-            while let Ok(result) = done.try_recv() {
-                self.in_hand -= 1;
-                self.publish(result)?;
+            while let Some(tap) = self.taps.receive()? {
+                self.handle(&tap)?;
                 is_idle = false;
             }
-            while self.in_hand + waiting.len() < IN_HAND_MAX {
-                let Some(tap) = self.taps.receive()? else { break };
-                waiting.push_back(tap);
-            }
-            is_idle &= waiting.is_empty();
-            let are_few = waiting.len() <= FEW;
-            while let Some(tap) = waiting.pop_front() {
-                if tap.kind() == Some(RecordKind::Data) && (are_few || waiting.is_empty()) {
-                    let done = extract(&mut self.extractor, &tap);
-                    drop(tap);
-                    self.publish(Some(done))?;
-                } else {
-                    self.handle(tap, work, done)?;
-                }
-            }
-            if is_idle && self.in_hand == 0 && self.line.is_stopped() {
+            if is_idle && self.line.is_stopped() {
                 return Ok(());
             }
             if is_idle {
@@ -210,46 +93,25 @@ impl<'a> StageLoop<'a> {
         }
     }
 
-    fn handle(
-        &mut self,
-        tap: Received<TapTopic>,
-        work: &Sender<Received<TapTopic>>,
-        done: &Receiver<Option<Done>>,
-    ) -> Result<(), RunError> {
+    fn handle(&mut self, tap: &Received<TapTopic>) -> Result<(), LineError> {
+        let header = tap.header();
+        let stamp = Stamp { casing: header.stamp.casing, mark: header.stamp.mark, ..Stamp::default() };
         match tap.kind() {
             Some(RecordKind::Data) => {
-                self.in_hand += 1;
-                if work.send(tap).is_ok() { Ok(()) } else { Err(RunError::WorkersGone) }
+                // The extractor flags a header that does not fit its payload; it then sees no samples.
+                let samples = Samples::view(header, tap).unwrap_or(Samples::I16(&[]));
+                let record = self.extractor.extract(header, samples);
+                self.found.send(RecordKind::Data, Stamp { mark: 0, ..stamp }, &[record])?;
+                self.tap_count += 1;
+                self.sample_bytes += header.payload_bytes() as u64;
+                let latency_us = u64::try_from((monotonic_ns() - header.sent_ns) / 1000).unwrap_or(0);
+                self.latency_us.saturating_record(latency_us);
+                Ok(())
             }
-            Some(RecordKind::Refusal) => self.send(RecordKind::Data, tap.header(), &[refused(tap.header())]),
-            Some(kind @ (RecordKind::Barrier | RecordKind::End)) => {
-                // Records before the mark must be sent before it.
-                while self.in_hand > 0 {
-                    self.in_hand -= 1;
-                    self.publish(done.recv().unwrap_or(None))?;
-                }
-                self.send(kind, tap.header(), &[])
-            }
+            Some(RecordKind::Refusal) => self.found.send(RecordKind::Data, stamp, &[refused(header)]),
+            Some(kind @ (RecordKind::Barrier | RecordKind::End)) => self.found.send(kind, stamp, &[]),
             _ => Ok(()),
         }
-    }
-
-    /// Publishes the discriminators of one tap; `None` means that a worker has panicked.
-    fn publish(&mut self, done: Option<Done>) -> Result<(), RunError> {
-        let done = done.ok_or(RunError::WorkersGone)?;
-        let stamp = Stamp { casing: done.casing, ..Stamp::default() };
-        self.found.send(RecordKind::Data, stamp, &[done.record])?;
-        self.tap_count += 1;
-        self.sample_bytes += done.sample_bytes as u64;
-        let latency_us = u64::try_from((monotonic_ns() - done.sent_ns) / 1000).unwrap_or(0);
-        self.latency_us.saturating_record(latency_us);
-        Ok(())
-    }
-
-    /// Sends on a mark, or a refusal, of the casing of `tap`.
-    fn send(&self, kind: RecordKind, tap: &TapHeader, records: &[Discriminators]) -> Result<(), RunError> {
-        let stamp = Stamp { casing: tap.stamp.casing, mark: tap.stamp.mark, ..Stamp::default() };
-        Ok(self.found.send(kind, stamp, records)?)
     }
 
     fn outcome(&self) -> Outcome {
@@ -259,7 +121,6 @@ impl<'a> StageLoop<'a> {
             lost_count: self.taps.lost(),
             latency_p50_us: self.latency_us.value_at_quantile(0.5),
             latency_p99_us: self.latency_us.value_at_quantile(0.99),
-            worker_count: 0,
         }
     }
 }

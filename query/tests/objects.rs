@@ -95,7 +95,7 @@ fn a_bucket_answers_like_a_folder() {
     assert_eq!(bad.len(), 2);
     let of_bucket = format!("{TRUNCATED},s3://plant/2025/{TRUNCATED} ");
     assert!(
-        bad[1].replace('"', "").starts_with(&of_bucket) && bad[1].contains("its end is not as it was written"),
+        bad[1].replace('"', "").starts_with(&of_bucket) && bad[1].contains("it is shorter than it says"),
         "{bad:?}"
     );
 }

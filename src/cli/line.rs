@@ -2,11 +2,12 @@
 
 #[cfg(feature = "serve")]
 use std::net::SocketAddr;
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::Args;
 
-#[derive(Debug, Args)]
+#[derive(Debug, Default, Args)]
 pub(crate) struct SourceArgs {
     /// Configuration file (TOML); defaults hold for what it leaves out.
     #[arg(long)]
@@ -52,7 +53,7 @@ pub(crate) struct LineArgs {
     pub json: bool,
     /// End after so many casings.
     #[arg(long)]
-    pub casings: Option<usize>,
+    pub casings: Option<NonZeroUsize>,
     /// Serve a page of the running line, /metrics and /healthz over HTTP at this address.
     #[cfg(feature = "serve")]
     #[arg(long, value_name = "ADDRESS:PORT")]

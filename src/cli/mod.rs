@@ -225,7 +225,7 @@ pub(crate) struct ConfigArgs {
     /// Print a complete configuration, every key with its default and what it means.
     #[arg(long)]
     pub example: bool,
-    /// Check this configuration: every key, value and bound.
+    /// Check this configuration, as a line or a run does before it begins.
     #[arg(long, value_name = "FILE")]
     pub check: Option<PathBuf>,
 }

@@ -49,17 +49,13 @@ pub(crate) struct ContactArgs {
         default_value = "exact"
     )]
     pub damping: DampingLaw,
-    /// The model: closed form, damped contact without a crack, plate in time, or the same with shear and membrane.
-    #[arg(
-        long,
-        value_parser = one_of::<Rung>(&["closed", "integral", "plate", "full"]),
-        required_unless_present = "tolerance",
-        conflicts_with = "tolerance"
-    )]
+    /// The model: closed form, damped contact without a crack, plate in time, or the same with shear and membrane. Without this
+    /// option the tolerance decides.
+    #[arg(long, value_parser = one_of::<Rung>(&["closed", "integral", "plate", "full"]), conflicts_with = "tolerance")]
     pub rung: Option<Rung>,
     /// Take the cheapest rung whose quantities are all within this relative difference from the full rung's, and print why.
-    #[arg(long)]
-    pub tolerance: Option<f64>,
+    #[arg(long, default_value_t = 0.05)]
+    pub tolerance: f64,
     /// Print JSON.
     #[arg(long)]
     pub json: bool,

@@ -71,25 +71,19 @@ impl Job {
         Ok(Self { config, config_toml, taps, out, reference, stations, made_by })
     }
 
+    /// The job of a configuration by itself.
+    pub(crate) fn of_config(path: &Path) -> Result<Self> {
+        Self::resolve(&SourceArgs { config: Some(path.to_owned()), ..SourceArgs::default() })
+    }
+
     /// The job of `tapline line`.
     pub(crate) fn of_line(args: &LineArgs) -> Result<Self> {
-        let source = SourceArgs {
+        Self::resolve(&SourceArgs {
             config: Some(args.config.clone()),
-            taps: None,
             out: Some(args.out.clone()),
             reference: args.reference.clone(),
-            stations: None,
-        };
-        let job = Self::resolve(&source)?;
-        if let Some(Reference::Shoulder { tyre, shoulder }) = &job.config.fuse.reference {
-            bail!(
-                "the reference is {tyre}/{shoulder}, and a shoulder named so is one of the same casing, which no casing of a \
-                 line is known to have. Make a reference file of casings that are known to be sound (`tapline reference \
-                 FOLDER --out sound.json`) and give `--reference sound.json`; to compare each casing with itself, give \
-                 `--reference self`"
-            );
-        }
-        Ok(job)
+            ..SourceArgs::default()
+        })
     }
 
     /// The job of a stage, from the copy of its line.

@@ -17,9 +17,9 @@ const SOURCES: [(&str, &str); 6] = [
     ("wire", env!("TAPLINE_SOURCE_WIRE")),
 ];
 
-/// Tables and keys that affect no result: how casings come and how fast, on how many threads they are computed, how samples are
+/// Tables and keys that affect no result: how casings come and how fast, how samples are
 /// packed, where verdicts are published and what is printed with them.
-const AFFECT_NO_RESULT: [&str; 6] = ["line", "station", "report", "store", "acquire.taps_per_s", "process.workers"];
+const AFFECT_NO_RESULT: [&str; 5] = ["line", "station", "report", "store", "acquire.taps_per_s"];
 
 /// Sources that affect the discriminators of a tap.
 const OF_DISCRIMINATORS: [&str; 3] = ["dependencies", "process", "wire"];
@@ -162,18 +162,16 @@ mod tests {
         let key = |config: &Config| tapline_store::lineage_key(&[7; 32], &made_by(config).unwrap(), None);
         let slow = || {
             let mut slow = config.clone();
-            (slow.acquire.taps_per_s, slow.process.workers) = (Some(50.0), 3);
+            slow.acquire.taps_per_s = Some(50.0);
             slow
         };
-        assert_eq!(key(&slow()), key(&config), "pace and threads affect no result");
+        assert_eq!(key(&slow()), key(&config), "the pace affects no result");
         let mut usual = toml::Table::try_from(&config).unwrap();
         // Listed again: what is added there without a reason is found here.
         for table in ["line", "station", "report", "store"] {
             usual.remove(table);
         }
-        for (table, option) in [("acquire", "taps_per_s"), ("process", "workers")] {
-            usual[table].as_table_mut().unwrap().remove(option);
-        }
+        usual["acquire"].as_table_mut().unwrap().remove("taps_per_s");
         let (mut count, mut stuck) = (0, Vec::new());
         walk(&mut Vec::new(), &usual, &mut |path, value| {
             let others = flips(value).into_iter().filter(|other| other != value).filter_map(|other| {

@@ -10,7 +10,7 @@ pub(crate) mod wires;
 use std::fs;
 use std::path::Path;
 
-use anyhow::{Context as _, Result, ensure};
+use anyhow::{Context as _, Result, bail, ensure};
 use serde::{Deserialize, Serialize};
 use tapline_acquire::{AcquireConfig, CaptureConfig, ScanConfig, StationConfig, StationSource, validate_stations};
 use tapline_fuse::FuseConfig;
@@ -98,6 +98,9 @@ impl LineConfig {
         check("taps_max", self.taps_max, 1_000_000)?;
         check("record_samples_max", self.record_samples_max, 8_000_000)?;
         check("scans_max", self.scans_max, 1000)?;
+        if let Some(command) = self.on_verdict.as_ref().filter(|command| command.trim().is_empty()) {
+            bail!("line.on_verdict = {command:?}: must be a command, or left out");
+        }
         self.mqtt.iter().try_for_each(MqttConfig::validate)?;
         self.opcua.iter().try_for_each(OpcUaConfig::validate)?;
         self.modbus.iter().try_for_each(ModbusConfig::validate)

@@ -77,7 +77,7 @@ mod tests {
         for (text, words) in [
             ("[scan]\nstations = 70000", "`70000`, expected a whole number from 0 to 65535"),
             ("[scan]\nlocations = -1", "`-1`, expected a whole number from 0 to 4294967295"),
-            ("[process]\nworkers = -1", "`-1`, expected a whole number, not below 0"),
+            ("[line]\ntaps_max = -1", "`-1`, expected a whole number, not below 0"),
             ("[process]\nf_c_hz = \"x\"", "\"x\", expected a number"),
             ("scan = 3", "`3`, expected a table"),
             ("[[simulation.fault]]\nkind = \"hum\"\nfraction = \"x\"", "\"x\", expected a number"),

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use anyhow::{Context as _, Result, ensure};
 use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
 use tapline_process::ProcessConfig;
-use tapline_wire::{Plan, Recording};
+use tapline_wire::{Channel, Plan, Recording};
 
 /// A reference as it was read.
 #[derive(Debug)]
@@ -79,7 +79,7 @@ impl Fusions {
 }
 
 /// All that discriminators depend on: rate, channels, units and analysed length of the records, what of it is before the trigger, and
-/// the table `[process]` with every default. The number of threads changes none; `record_s` is in the analysed length.
+/// the table `[process]` with every default. `record_s` is in the analysed length.
 pub(crate) fn process_of(config: &ProcessConfig, recording: &Recording) -> Result<String> {
     let channels: Vec<&str> = recording.channels.iter().map(|channel| channel.name()).collect();
     let units: Vec<&str> = recording.channels.iter().map(|&c| recording.calibration.unit(c).name()).collect();
@@ -87,13 +87,21 @@ pub(crate) fn process_of(config: &ProcessConfig, recording: &Recording) -> Resul
     let analysed_s = f64::from(config.samples_looked_at(recording.sample_count_max, rate_hz)) / rate_hz;
     let pre_trigger_s = f64::from(recording.pre_trigger_samples) / rate_hz;
     let mut config = toml::Table::try_from(config).context("the configuration of process does not fit TOML")?;
-    for key in ["workers", "record_s"] {
-        config.remove(key);
-    }
+    config.remove("record_s");
     Ok(format!(
         "sample_rate_hz = {rate_hz:?}\nchannels = {channels:?}\nunits = {units:?}\nanalysed_s = {analysed_s:?}\npre_trigger_s = \
          {pre_trigger_s:?}\n{config}"
     ))
+}
+
+/// What is doubtful about analysing taps that are recorded so: a band goes on where their spectrum has ended.
+pub(crate) fn remark_on_bands(config: &ProcessConfig, recording: &Recording) -> Option<String> {
+    let half_hz = recording.sample_rate_hz / 2.0;
+    let (key, edge_hz) = [("f_hi_hz", config.f_hi_hz), ("f_top_hz", config.f_top_hz)]
+        .into_iter()
+        .find(|(_, edge_hz)| *edge_hz > half_hz)?;
+    let has_sound = recording.channels.contains(&Channel::Sound);
+    has_sound.then(|| format!("process.{key} = {edge_hz} Hz: the band ends at {half_hz} Hz, half the sample rate"))
 }
 
 /// Checks that the analysed beginning of each record reaches beyond its trigger.
@@ -133,7 +141,7 @@ pub(crate) fn differences(was: &str, is: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use tapline_wire::{Calibration, Channel, SampleFormat};
+    use tapline_wire::{Calibration, SampleFormat};
 
     use super::*;
 
@@ -179,7 +187,7 @@ mod tests {
         // What is not analysed of longer records, and the type of their samples, do not count.
         let short = ProcessConfig { record_s: 0.2, ..config };
         assert_eq!(process_of(&short, &longer).unwrap(), process_of(&short, &recording).unwrap());
-        let as_long = ProcessConfig { record_s: 0.4, workers: 3, ..config };
+        let as_long = ProcessConfig { record_s: 0.4, ..config };
         assert_eq!(process_of(&as_long, &longer).unwrap(), was);
         assert!(check_record_s(&config, &longer).is_ok());
         let refused = check_record_s(&ProcessConfig { record_s: 0.0125, ..config }, &longer).unwrap_err().to_string();
@@ -187,5 +195,10 @@ mod tests {
             refused,
             "process.record_s = 0.0125 s: must be 0, or above the 0.0125 s of each record before the trigger"
         );
+        let force_alone = Recording { channels: vec![Channel::Force], ..longer.clone() };
+        let high = ProcessConfig { f_top_hz: 20_481.0, ..config };
+        let remark = "process.f_top_hz = 20481 Hz: the band ends at 20480 Hz, half the sample rate";
+        assert_eq!(remark_on_bands(&high, &longer).as_deref(), Some(remark));
+        assert_eq!((remark_on_bands(&config, &longer), remark_on_bands(&high, &force_alone)), (None, None));
     }
 }

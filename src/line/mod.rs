@@ -2,9 +2,10 @@
 //!
 //! `tapline run` ends when its list of casings does; `tapline line` goes on for ever. They are the same but for that.
 //!
-//! `run` begins; `setup`, `limits` and `out_folder` are what a line needs; `supervisor` tends the `stages`, each a `stage_process` that
+//! `check` looks at the options and `run` begins; `setup`, `limits` and `out_folder` are what a line needs; `supervisor` tends the `stages`, each a `stage_process` that
 //! runs `stage`; `status` and `summary` say how it is and what came of it.
 
+mod check;
 pub(crate) mod limits;
 pub(crate) mod out_folder;
 pub(crate) mod process_name;
@@ -19,4 +20,5 @@ mod store_silence;
 mod summary;
 pub(crate) mod supervisor;
 
+pub(crate) use self::check::check_config;
 pub(crate) use self::run::{line, run};

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::Write as _;
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -10,23 +11,25 @@ use std::time::Duration;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use serde::{Deserialize, Serialize};
-use tapline_acquire::{StationConfig, StationSource};
+use tapline_fuse::Reference;
 use tapline_host::atomic_file::{Existing, write_atomically};
 use tapline_host::messages::counted;
 use tapline_host::progress::{Progress, Unit};
 use tapline_host::signals::stop_flag;
 use tapline_store::{digest_of, hex_of, lineage_change};
-use tapline_wire::{Line, LineAddress, Recording, Role, Services};
+use tapline_wire::{Line, LineAddress, Role, Services};
 
 use crate::cli::line::{LineArgs, RunArgs};
 use crate::config::job::Job;
+use crate::config::reference::remark_on_bands;
 use crate::config::report::ReportConfig;
+use crate::line::check::{check_line, require_reference};
 use crate::line::out_folder::OutFolder;
 use crate::line::process_name::name_process;
 use crate::line::setup::{Arriving, Setup};
 use crate::line::summary::summarise;
 use crate::line::supervisor::{Audience, Pace, ShowStatus, Supervisor};
-use crate::wires::{self, Wires};
+use crate::wires::Wires;
 
 /// How long stages of an earlier line may take to end with it: as any stage, and a little more.
 const GONE_WITHIN: Duration = Duration::from_secs(25);
@@ -73,27 +76,8 @@ fn scanning(tap_count: usize, out: &Path) -> Progress {
 /// `tapline line`: casings as they come, until it is asked to stop.
 pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     let job = Job::of_line(args)?;
-    ensure!(
-        !job.config.station.is_empty(),
-        "the configuration has no [[station]]: a line needs at least one, with its number and source"
-    );
-    ensure!(
-        job.config.fuse.reference.is_some(),
-        "no reference is named, and nothing is judged without one: make a reference file of casings that are known to be \
-         sound (`tapline reference FOLDER --out sound.json`) and give `--reference sound.json`; to compare each casing with \
-         itself, give `--reference self` (damage all round does not show then)"
-    );
-    let setup = Setup::new(&job, Arriving::Stations, &absolute(&job.out)?)?;
-    let fusions = job.fusions()?;
-    check_calibrations(&job)?;
-    let is_simulated = |of: &StationConfig| of.source == StationSource::Simulated;
-    if let Some(station) = job.config.station.iter().find(|of| is_simulated(of) && !job.config.scan.tyre.is_empty()) {
-        tracing::warn!("station {} makes tyres of its own: none of [[scan.tyre]] comes to it", station.number);
-    }
-    wires::check(&job.config.line)?;
-    for plan in setup.plans_of_stations(&job)? {
-        drop(fusions.check(&plan)?);
-    }
+    let setup = check_line(&job)?;
+    require_reference(&job)?;
     // What cannot be served is refused before a line begins.
     let (show, shown_at) = show_on_page(args, &job.config.report)?;
     let mut folder = OutFolder::take(&job.out)?;
@@ -109,32 +93,8 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     let (wires, said) = Wires::start(&job.config.line, &setup.limits.stations, &setup.places())?;
     said.iter().for_each(|text| progress.print(text));
     let audience = Audience { progress, wires: Some(wires), as_json: args.json, show };
-    let pace = operate(&setup, &mut folder, audience, args.casings, stop)?;
-    Ok(pace.refusals.is_empty())
-}
-
-/// Checks that stations which listen have a valid calibration, where the line passes no casing without one; else says which have none.
-fn check_calibrations(job: &Job) -> Result<()> {
-    let today = jiff::Timestamp::now().to_zoned(jiff::tz::TimeZone::UTC).date().to_string();
-    for station in job.config.station.iter().filter(|station| station.device.is_some()) {
-        let Recording { channels, calibration, .. } = station.heard_with(&job.config.capture)?.recording();
-        for channel in channels {
-            let fault = match &calibration.of(channel).certificate {
-                None => "has no calibration".to_owned(),
-                Some(certificate) if certificate.date > today => {
-                    format!("has a calibration of {}; today is {today}", certificate.date)
-                }
-                Some(certificate) => match certificate.valid_until.as_ref().filter(|until| **until < today) {
-                    Some(until) => format!("has a calibration that was valid until {until}; today is {today}"),
-                    None => continue,
-                },
-            };
-            let fault = format!("the {} of station {} {fault}", channel.name(), station.number);
-            ensure!(!job.config.fuse.requires_calibration, "{fault}, and fuse.requires_calibration is set");
-            tracing::warn!("{fault}");
-        }
-    }
-    Ok(())
+    let pace = operate(&setup, &mut folder, audience, args.casings.map(NonZeroUsize::get), stop)?;
+    Ok(!pace.is_incomplete)
 }
 
 /// Starts to serve the page of the line, where `args` ask for it; who is to be given each status, and the page's address.
@@ -155,7 +115,7 @@ fn show_on_page(_: &LineArgs, _: &ReportConfig) -> Result<(Option<ShowStatus>, O
 
 /// Says what the reference cannot show, and which of the stated rates it does not support.
 fn say_unsupported(job: &Job) -> Result<()> {
-    if job.config.fuse.reference == Some(tapline_fuse::Reference::Own) {
+    if job.config.fuse.reference == Some(Reference::Own) {
         tracing::warn!("each casing is compared with itself: damage all round would not show");
     }
     job.fusions()?.unsupported().iter().for_each(|text| tracing::warn!("{text}"));
@@ -207,7 +167,7 @@ impl Drop for Workplace {
 
 /// The casings of a list, checked.
 #[derive(Debug)]
-struct Listed {
+pub(super) struct Listed {
     names: Vec<String>,
     tap_count: usize,
     /// Digests of the plans of recorded taps; simulated ones follow from the configuration.
@@ -215,7 +175,7 @@ struct Listed {
 }
 
 impl Listed {
-    fn check(job: &Job, setup: &Setup) -> Result<Self> {
+    pub(super) fn check(job: &Job, setup: &Setup) -> Result<Self> {
         let fusions = job.fusions()?;
         let is_simulated = setup.arriving == Arriving::Simulated;
         let mut known = BTreeSet::new();
@@ -227,6 +187,9 @@ impl Listed {
                 false => fusions.check_shoulder(&plan)?,
             }
             ensure!(known.insert(name.clone()), "two casings are called {name}: each needs a name of its own");
+            if listed.names.is_empty() {
+                remark_on_bands(&job.config.process, &plan.recording).iter().for_each(|text| tracing::warn!("{text}"));
+            }
             listed.tap_count += plan.taps().len();
             if !is_simulated {
                 listed.plans.push(format!("{name} {:016x}", plan.digest()));
@@ -320,6 +283,6 @@ impl RunFile {
     }
 }
 
-fn absolute(path: &Path) -> Result<PathBuf> {
+pub(super) fn absolute(path: &Path) -> Result<PathBuf> {
     std::path::absolute(path).with_context(|| format!("{} is no usable path", path.display()))
 }

@@ -5,11 +5,10 @@ mod figures;
 mod pages;
 
 use std::collections::BTreeSet;
-use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use serde_json::json;
 use tapline_host::atomic_file::{Existing, check_folder, write_atomically};
 use tapline_store::Reader;
@@ -93,7 +92,6 @@ fn title_of(paths: &[PathBuf]) -> String {
 
 /// Writes a page and prints its path.
 fn put(folder: &Path, name: &str, page: &str, written: Written) -> Result<()> {
-    fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
     let path = folder.join(name);
     write_atomically(&path, written.existing, |mut file| file.write_all(page.as_bytes()))?;
     let path = path.display().to_string();

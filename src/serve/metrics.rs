@@ -116,7 +116,7 @@ fn of_casings(registry: &mut Registry, status: &Status) {
         Histogram(status.latency.clone()),
     );
     let refused = std::iter::once((Vec::new(), status.refused_count));
-    counted(registry, "casings_refused", "Casings that were refused, and tap sets that were put aside", refused);
+    counted(registry, "casings_refused", "Casings that were refused", refused);
     let lost = std::iter::once((Vec::new(), status.lost_count));
     counted(registry, "records_lost", "Records lost in transit, whose taps were taken again", lost);
     let rate = std::iter::once((Vec::new(), status.taps_per_s));

@@ -24,7 +24,7 @@ pub(crate) struct Status {
     pub taps_per_s: f64,
     pub settled_count: u64,
     pub closed_count: u64,
-    /// Casings, tap sets and proposals that were refused.
+    /// Casings that were refused.
     pub refused_count: u64,
     pub lost_count: u64,
     pub latency: Latency,

@@ -1,36 +1,17 @@
-//! `tapline config`: a complete configuration to start from, and the check of one.
+//! `tapline config --example`: a complete configuration to start from.
 
 use std::io::Write as _;
 
-use anyhow::{Context as _, Result};
-use tapline_fuse::Reference;
+use anyhow::Result;
 
-use crate::cli::ConfigArgs;
-use crate::config::Config;
-use crate::config::reference::ReferenceFile;
 use tapline_host::stdout::Stdout;
 
 /// Every key of a configuration with its default and what it means.
 pub(crate) const EXAMPLE: &str = include_str!("../config/example.toml");
 
-/// Prints the example, or checks a configuration.
-pub(crate) fn config(args: &ConfigArgs) -> Result<bool> {
-    let Some(path) = &args.check else {
-        write!(Stdout, "{EXAMPLE}")?;
-        return Ok(true);
-    };
-    let (config, _) = Config::read(path)?;
-    config.validate().with_context(|| path.display().to_string())?;
-    if let Some(Reference::File(path)) = &config.fuse.reference {
-        ReferenceFile::read(path)?;
-    }
-    let lacks_station = config.station.is_empty().then_some("at least one [[station]]");
-    let lacks_reference = config.fuse.reference.is_none().then_some("a [fuse] reference");
-    writeln!(Stdout, "{} is a configuration", path.display())?;
-    // It is good for `tapline run` all the same.
-    for lacking in lacks_station.into_iter().chain(lacks_reference) {
-        writeln!(Stdout, "`tapline line` needs {lacking}")?;
-    }
+/// Prints the example.
+pub(crate) fn example() -> Result<bool> {
+    write!(Stdout, "{EXAMPLE}")?;
     Ok(true)
 }
 
@@ -41,6 +22,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
+    use crate::config::Config;
 
     /// The example with every key that it only shows.
     fn whole() -> String {

@@ -171,7 +171,9 @@ impl ShoulderExplanation {
             let cell = cells.iter().find(|cell| cell.location == location);
             let taps = taps_at(reader, number, location)?;
             if taps.is_empty() {
-                bail!("shoulder {name} has no location {location}");
+                let known = reader.plan().scans()[number].locations.iter().map(|&(location, _)| location);
+                let (first, last) = (known.clone().min().unwrap_or(0), known.max().unwrap_or(0));
+                bail!("shoulder {name} has no location {location}: its locations are from {first} to {last}");
             }
             Ok(LocationExplanation {
                 location,

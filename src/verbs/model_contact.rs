@@ -12,10 +12,10 @@ use tapline_host::stdout::Stdout;
 pub(crate) fn contact(args: &ContactArgs) -> Result<bool> {
     let scene = args.scene();
     let named = |error| args.in_its_own_words(error);
-    let (contact, more) = match (args.rung, args.tolerance) {
-        (Some(rung), _) => (rung.contact(&scene, args.damping).map_err(named)?, Vec::new()),
-        (None, tolerance) => {
-            let choice = choose_by_trial(&scene, args.damping, tolerance.unwrap_or(0.0)).map_err(named)?;
+    let (contact, more) = match args.rung {
+        Some(rung) => (rung.contact(&scene, args.damping).map_err(named)?, Vec::new()),
+        None => {
+            let choice = choose_by_trial(&scene, args.damping, args.tolerance).map_err(named)?;
             let error = choice.bounds.of(choice.contact.rung);
             let more =
                 vec![("tolerance", json!(choice.tolerance)), ("error", json!(error)), ("why", json!(choice.why()))];
@@ -56,7 +56,7 @@ impl ContactArgs {
             "w_m" => ("--width-mm", self.width_mm, 1e3),
             "restitution" => ("--restitution", self.restitution, 1.0),
             "resilience" => ("--resilience", self.resilience, 1.0),
-            "tolerance" => ("--tolerance", self.tolerance.unwrap_or(f64::NAN), 1.0),
+            "tolerance" => ("--tolerance", self.tolerance, 1.0),
             _ => return error.into(),
         };
         let (low, high) = (bound(low * per_unit), bound(high * per_unit));

@@ -125,19 +125,21 @@ fn print(
         print_json(&mut out, &text, is_of_many)?;
         return Ok(is_complete);
     }
+    let file = archive.display().to_string();
     for problem in &problems {
-        writeln!(out, "{problem}")?;
+        let is_named = problem.contains(&file);
+        writeln!(out, "{}{problem}", if is_named { String::new() } else { format!("{file}: ") })?;
     }
     let judged = if report.is_judged() { "all scans judged" } else { "scans without verdict" };
     let state = match (is_complete, report.problems.is_empty()) {
         (true, _) => Colour::Good.on_stdout("complete"),
+        (false, true) if !report.is_finished => Colour::Bad.on_stdout("NOT FINISHED"),
         (false, true) => Colour::Bad.on_stdout("INCOMPLETE"),
         (false, false) => Colour::Bad.on_stdout("DAMAGED"),
     };
     writeln!(
         out,
-        "{}: {state}: {archived} archived, {refused} refused, {missing} missing; {judged}; {}",
-        archive.display(),
+        "{file}: {state}: {archived} archived, {refused} refused, {missing} missing; {judged}; {}",
         counted(problems.len(), "problem", "problems")
     )?;
     Ok(is_complete)

@@ -168,7 +168,7 @@ impl Wires {
     pub(crate) fn end(&self) {}
 }
 
-/// Refuses wires that this build does not have.
+/// Refuses wires that this build does not have, and files of theirs that cannot be read.
 pub(crate) fn check(config: &LineConfig) -> Result<()> {
     let named =
         [("mqtt", config.mqtt.is_some()), ("opcua", config.opcua.is_some()), ("modbus", config.modbus.is_some())];
@@ -176,6 +176,11 @@ pub(crate) fn check(config: &LineConfig) -> Result<()> {
         anyhow::bail!(
             "[line.{name}]: this build of tapline has no MQTT, OPC UA or Modbus: build it with the feature `plant`"
         );
+    }
+    #[cfg(feature = "plant")]
+    {
+        config.mqtt.as_ref().map(mqtt::check).transpose()?;
+        config.opcua.as_ref().map(opcua::user).transpose()?;
     }
     Ok(())
 }

@@ -88,6 +88,23 @@ fn taps_of_a_folder_are_one_tap_set() {
     assert!(done.err.contains("its options are others") && !sandbox.path("no").exists(), "{done:?}");
 }
 
+/// Catches a file that was cut, and that one verb calls damaged and another unfinished, as if a line went on with it.
+#[test]
+fn verbs_agree_on_a_cut_file() {
+    let sandbox = scanned();
+    let file = fs::OpenOptions::new().write(true).open(sandbox.path("out/SIM-0001.h5")).unwrap();
+    let bytes = file.metadata().unwrap().len();
+    file.set_len(bytes - 1).unwrap();
+    let verified = sandbox.run("verify out/SIM-0001.h5").expect(3).out;
+    assert!(verified.contains("out/SIM-0001.h5: NOT FINISHED: "), "{verified}");
+    file.set_len(bytes / 2).unwrap();
+    for verb in ["verify", "report", "explain", "export"] {
+        let done = sandbox.run(&format!("{verb} out/SIM-0001.h5{}", if verb == "export" { " verdicts" } else { "" }));
+        let said = format!("{}{}", done.out, done.err);
+        assert!(said.contains("out/SIM-0001.h5 is damaged: it is shorter than it says"), "{verb}: {said}");
+    }
+}
+
 /// Catches one damaged file that ends a verb for all others, or is not reported.
 #[test]
 fn a_damaged_file_among_many_is_named_and_the_others_are_done() {

@@ -152,7 +152,7 @@ fn another_index_needs_no_samples() {
     }
     assert!(whole.0.contains("REJECT") && judged() == whole);
     let refused = sandbox.run("reprocess run.h5 --from-samples");
-    assert!(refused.code == Some(1) && refused.err.contains("the samples of plan row"), "{}", refused.err);
+    assert!(refused.code == Some(1) && refused.err.contains(": its samples "), "{}", refused.err);
 }
 
 /// Catches work that is lost or repeated when reprocessing is killed, and an incomplete file that passes for a complete

@@ -62,6 +62,8 @@ fn the_example_of_a_configuration_is_one() {
         ("[scan]\nlocations = 0\n", "scan.locations is 0"),
         ("[simulation]\nsample_count = 1\n", "sample_count"),
         ("[capture]\nbits = 20\n", "capture.bits is 20"),
+        ("[line]\non_verdict = \"\"\n", "line.on_verdict = \"\""),
+        ("[[station]]\nnumber = 1\nsource = \"simulated\"\ncasings = 0\n", "station[0].casings is 0"),
         ("[[scan.tyre]]\nserial = \"S\"\nstation = 1\ncrack = [{ depth_mm = 900.0 }]\n", "crack 1: depth_mm is 900"),
     ] {
         sandbox.write("wrong.toml", wrong);
@@ -72,7 +74,25 @@ fn the_example_of_a_configuration_is_one() {
     }
     // A tyre of another station than there are as yet: `--stations` may tell.
     sandbox.write("two.toml", "[[scan.tyre]]\nserial = \"S\"\nstation = 2\n");
-    sandbox.run("config --check two.toml").expect(0);
+    let said = sandbox.run("config --check two.toml").expect(0).out;
+    assert!(said.contains("`tapline run` needs --stations 2\n"), "{said}");
+    // What simulated tyres do not have, recorded ones may.
+    sandbox.write("other.toml", "[fuse]\nreference = \"A-17/1\"\n");
+    let said = sandbox.run("config --check other.toml").expect(0).out;
+    assert!(said.contains("`tapline run` takes it for recorded taps alone: the reference is A-17/1"), "{said}");
+    // A line may be given its reference later; the rest is checked all the same.
+    sandbox.write("other.toml", &format!("{station}[process]\nf_top_hz = 50000.0\n"));
+    let said = sandbox.run("config --check other.toml").expect(0);
+    assert!(said.err.contains("f_top_hz = 50000 Hz: the band ends at 20480 Hz"), "{said:?}");
+    sandbox.write("other.toml", &format!("{station}[line.mqtt]\nbroker = \"127.0.0.1:1\"\nca_file = \"none.pem\"\n"));
+    let done = sandbox.run("config --check other.toml").expect(1);
+    assert!(done.err.contains("none.pem"), "{done:?}");
+    // A line finds out before it begins what the check says.
+    sandbox.write("other.toml", &format!("{station}[fuse]\nreference = \"A-17/1\"\n"));
+    for verb in ["config --check other.toml", "line --config other.toml --out none"] {
+        let done = sandbox.run(verb).expect(1);
+        assert!(done.err.contains("the reference is A-17/1"), "{verb}: {}", done.err);
+    }
     sandbox.run("config").expect(2);
     sandbox.run("config --check two.toml --example").expect(2);
 }

@@ -88,7 +88,7 @@ fn bad_input_is_named() {
     }
     let done = sandbox.run("model contact --tolerance -1").expect(1);
     assert!(done.err.contains("--tolerance is -1; it must lie in 0 to 1"), "{done:?}");
-    sandbox.run("model contact --depth-mm 3").expect(2);
+    assert_eq!(sandbox.run("model contact --depth-mm 3 --json").json(0)["tolerance"], 0.05);
     sandbox.run("model contact --rung full --tolerance 0.1").expect(2);
     sandbox.run("model contact --rung best").expect(2);
     sandbox.run("model contact --depth-mm three --rung full").expect(2);

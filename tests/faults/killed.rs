@@ -262,8 +262,8 @@ fn everyone_is_killed_while_casings_come_and_go() {
         line.kill().unwrap();
         line.wait().unwrap();
     }
-    // Pace, threads, codec and remarks affect no result: what is under way is gone on with.
-    let later = "[acquire]\ntaps_per_s = 400.0\n[process]\nworkers = 1\n[store]\ncodec = \"zstd\"\n";
+    // Pace, codec and remarks affect no result: what is under way is gone on with.
+    let later = "[acquire]\ntaps_per_s = 400.0\n[store]\ncodec = \"zstd\"\n";
     sandbox.write("later.toml", &format!("# later\n{scan}\n{later}"));
     sandbox.run("run --config later.toml --out paced").expect(0);
     assert_whole(&sandbox, "paced", &expected);

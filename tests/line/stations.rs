@@ -56,7 +56,7 @@ fn tap_sets_that_are_moved_into_a_folder_are_judged() {
     // The same set again is done already: its recordings were judged.
     fs::rename(sandbox.path("inbox/done/B"), sandbox.path("inbox/B-again")).unwrap();
     until("the set is done again", || sandbox.path("inbox/done/B-again").is_dir());
-    let done = line.interrupt().expect(0);
+    let done = line.interrupt().expect(3);
     assert!(done.out.is_empty() && done.err.contains("bad"), "{done:?}");
     let said = done.err.lines().find(|line| line.contains("is not judged twice")).unwrap_or_else(|| panic!("{done:?}"));
     assert!(said.contains("WARN") && said.contains("casing B of the tap set") && said.contains("B-again"), "{said}");

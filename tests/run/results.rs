@@ -96,18 +96,15 @@ fn a_flag_on_every_tap_is_named_on_the_verdict() {
     assert!(told.contains("flagged: low_snr on 100 % of the taps"), "{told}");
 }
 
-/// Law 6: the same input gives the same archive. Law 4: whatever the number of workers.
+/// Law 6: the same input gives the same archive.
 #[test]
 fn results_depend_on_nothing_but_their_input() {
     let sandbox = scanned();
     sandbox.run("run --config scan.toml --stations 2 --out a").expect(0);
     sandbox.run("run --config scan.toml --stations 2 --out b").expect(0);
-    sandbox.write("workers.toml", &format!("{SCAN}\n[process]\nworkers = 5\n"));
-    sandbox.run("run --config workers.toml --stations 2 --out c").expect(0);
     let a = casings(&sandbox.path("a"));
     assert!(a.len() == 2 && a.values().all(|casing| casing.taps.iter().all(Option::is_some)));
     assert_same_casings(&a, &casings(&sandbox.path("b")));
-    assert_same_casings(&a, &casings(&sandbox.path("c")));
 }
 
 /// The contents without the place and time of the taps.
@@ -218,8 +215,8 @@ fn another_plan_or_configuration_is_refused() {
     let done = sandbox.run("run --config scan.toml --stations 2 --out mine").expect(1);
     assert!(done.err.contains("no run.toml that says what run they are of"), "{done:?}");
     assert_eq!(fs::read_to_string(sandbox.path("mine/mine.h5")).unwrap(), "mine");
-    // Neither a remark nor the pace or the number of threads makes it another run.
-    sandbox.write("paced.toml", &format!("# tonight\n{SCAN}\n[acquire]\ntaps_per_s = 500.0\n[process]\nworkers = 1\n"));
+    // Neither a remark nor the pace makes it another run.
+    sandbox.write("paced.toml", &format!("# tonight\n{SCAN}\n[acquire]\ntaps_per_s = 500.0\n"));
     for config in ["scan.toml", "paced.toml"] {
         sandbox.run(&format!("run --config {config} --stations 2 --out run")).expect(0);
     }

@@ -15,8 +15,8 @@
 //! 3. Samples are planar `[channel][sample]`, as the converter gave them, with the unit scale of each channel in the
 //!    header. Only the writer to disk copies them; the archive returns them bit for bit.
 //!    (`record/tap.rs`: `samples_are_viewed_in_place`; the program's `tests/run/tap_sets.rs`: `a_clean_set_is_archived_bit_for_bit`)
-//! 4. Results do not depend on how the stream was interrupted, on the order of stations, on the number of worker threads, or
-//!    on the casings before. (the program's `tests/run/results.rs`: `results_depend_on_nothing_but_their_input`)
+//! 4. Results do not depend on how the stream was interrupted, on the order of stations, or on the casings before.
+//!    (the program's `tests/run/results.rs`: `results_depend_on_nothing_but_their_input`)
 //! 5. A scan ends in band. No end, or a tap missing without a reason, and there is no PASS.
 //!    (`fuse`: `never_pass_...`; the program's `tests/faults/killed.rs`: `an_interrupted_run_is_resumed`)
 //! 6. Same input, configuration and seed give the same results, byte for byte.
@@ -98,5 +98,5 @@ pub use stream::shm;
 pub use stream::subscriber::{Received, Subscriber};
 pub use stream::topic::{
     AskTopic, CasingTopic, DamageTopic, Delivery, DiscriminatorTopic, ProposalTopic, Role, SETTLED_RECORDS_MAX,
-    STATUS_BYTES_MAX, SettledTopic, StatusTopic, TapTopic, Topic, WAIT_BYTES_MAX, WaitTopic, line_bytes,
+    STATUS_BYTES_MAX, SettledTopic, StatusTopic, TapTopic, Topic, WaitTopic, line_bytes,
 };

@@ -183,6 +183,10 @@ impl Arrivals for RigArrivals {
         Some(self.link.dialogue().config().patience)
     }
 
+    fn take_refusals(&mut self) -> Vec<String> {
+        self.link.dialogue().take_refusals()
+    }
+
     fn take_alarms(&mut self) -> Vec<String> {
         let mut alarms = self.link.dialogue().take_alarms();
         alarms.extend(self.ear.iter().flat_map(|ear| ear.take_alarms()));

@@ -74,7 +74,12 @@ pub trait Arrivals: Send + fmt::Debug {
         None
     }
 
-    /// What people should know and has not been handed out yet, such as a set that was put aside.
+    /// Which casings and sets were passed over or put aside, with the reason, and have not been handed out yet.
+    fn take_refusals(&mut self) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// What else people should know and has not been handed out yet.
     fn take_alarms(&mut self) -> Vec<String> {
         Vec::new()
     }

@@ -1,12 +1,17 @@
 //! What the stations of a process send: proposals, taps, refusals and marks.
 
+use std::borrow::Cow;
+
 use tapline_wire::{
     Line, LineError, Loan, ProposalTopic, Publisher, REASON_BYTES_MAX, RecordKind, Stamp, TapHeader, TapTopic,
-    WAIT_BYTES_MAX, WaitTopic, bytes_of_mut, cache_lines_for, encode_proposal, monotonic_ns,
+    WaitTopic, bytes_of_mut, cache_lines_for, encode_proposal, monotonic_ns,
 };
 
 use crate::stage::outcome::Outcome;
 use crate::{Refusal, Source};
+
+/// Longest report of what a station waits for, in bytes: the status of a line holds one for each station.
+const WAIT_BYTES_MAX: usize = 256;
 
 /// The topics on which the stations of the process send.
 pub(crate) struct Outlet<'a> {
@@ -30,10 +35,10 @@ impl<'a> Outlet<'a> {
         self.waits.try_send(RecordKind::Data, stamp, cut(what, WAIT_BYTES_MAX).as_bytes())
     }
 
-    /// Sends the supervisor an alarm of `station`, for people, without waiting; whether it was sent.
-    pub(crate) fn alarm(&self, station: u16, what: &str) -> Result<bool, LineError> {
+    /// Sends the supervisor an alarm or a refusal of `station`, for people, without waiting; whether it was sent.
+    pub(crate) fn alarm(&self, station: u16, kind: RecordKind, what: &str) -> Result<bool, LineError> {
         let stamp = Stamp { mark: station.into(), ..Stamp::default() };
-        self.waits.try_send(RecordKind::Refusal, stamp, cut(what, WAIT_BYTES_MAX).as_bytes())
+        self.waits.try_send(kind, stamp, cut(what, REASON_BYTES_MAX).as_bytes())
     }
 
     /// Which limit of the line `source` exceeds, in words; `None` if it fits.
@@ -130,6 +135,11 @@ fn mark_header(casing: u64, mark: u64) -> TapHeader {
     TapHeader { stamp: Stamp { casing, mark, ..Stamp::default() }, ..TapHeader::default() }
 }
 
-fn cut(text: &str, bytes: usize) -> &str {
-    &text[..text.floor_char_boundary(bytes)]
+/// As much of `text` as fits; an ellipsis ends what was cut.
+fn cut(text: &str, bytes: usize) -> Cow<'_, str> {
+    const MORE: &str = "…";
+    match text.len() <= bytes {
+        true => text.into(),
+        false => format!("{}{MORE}", &text[..text.floor_char_boundary(bytes - MORE.len())]).into(),
+    }
 }

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use tapline_wire::{CasingHeader, Ledger, LineError, PlannedTap};
+use tapline_wire::{CasingHeader, Ledger, LineError, PlannedTap, RecordKind};
 
 use crate::stage::outlet::Outlet;
 use crate::stage::pace::{Next, Pace, SEND_AGAIN};
@@ -33,7 +33,7 @@ pub(crate) struct Station {
     period: Option<Duration>,
     next_due: Instant,
     /// Alarms that were not sent to the supervisor yet.
-    alarms: VecDeque<String>,
+    alarms: VecDeque<(RecordKind, String)>,
     /// Whether the source is not ready.
     is_source_awaited: bool,
     /// What it waits for as last reported, and when.
@@ -148,10 +148,11 @@ impl Station {
 
     /// Sends the alarms of its source, as far as that is possible without waiting.
     fn send_alarms(&mut self, outlet: &Outlet<'_>) -> Result<(), LineError> {
-        self.alarms.extend(self.arrivals.take_alarms());
+        self.alarms.extend(self.arrivals.take_refusals().into_iter().map(|text| (RecordKind::Refusal, text)));
+        self.alarms.extend(self.arrivals.take_alarms().into_iter().map(|text| (RecordKind::Alarm, text)));
         self.alarms.truncate(ALARMS_MAX);
-        while let Some(text) = self.alarms.front() {
-            if !outlet.alarm(self.number(), text)? {
+        while let Some((kind, text)) = self.alarms.front() {
+            if !outlet.alarm(self.number(), *kind, text)? {
                 return Ok(());
             }
             self.alarms.pop_front();
@@ -276,7 +277,7 @@ impl Station {
         match outlet.exceeded_by(casing.taps.as_ref()) {
             Some(reason) => {
                 tracing::error!(station = self.number(), casing = casing.name, reason, "a casing is refused");
-                self.alarms.push_back(format!("casing {} is refused: {reason}", casing.name));
+                self.alarms.push_back((RecordKind::Refusal, format!("casing {} is refused: {reason}", casing.name)));
                 self.arrivals.ended(&casing.name, &CasingEnd::Refused { reason });
             }
             None => self.work = Work::Proposed { casing, sent_at: None, opened: None },

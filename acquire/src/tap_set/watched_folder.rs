@@ -47,7 +47,7 @@ pub struct FolderArrivals {
     /// Why the folder itself cannot be read.
     fault: Option<String>,
     /// Alarms for people.
-    alarms: Vec<String>,
+    refusals: Vec<String>,
 }
 
 /// A set that was begun.
@@ -81,7 +81,7 @@ impl FolderArrivals {
             stuck: BTreeSet::new(),
             half: None,
             fault: None,
-            alarms: Vec::new(),
+            refusals: Vec::new(),
         })
     }
 
@@ -136,7 +136,7 @@ impl FolderArrivals {
     }
 
     fn fail(&mut self, name: &OsStr, reason: &str) {
-        self.alarms.push(format!("tap set {} cannot be used: {reason}", name.display()));
+        self.refusals.push(format!("tap set {} cannot be used: {reason}", name.display()));
         let set = self.folder.join(name);
         match put_into(&set, &self.folder.join(FAILED)) {
             Ok(place) => {
@@ -255,8 +255,8 @@ impl Arrivals for FolderArrivals {
         }
     }
 
-    fn take_alarms(&mut self) -> Vec<String> {
-        std::mem::take(&mut self.alarms)
+    fn take_refusals(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.refusals)
     }
 
     fn look_every(&self) -> Duration {

@@ -104,6 +104,7 @@ impl Table {
         self.rows.iter().for_each(|row| {
             table.add_row(row);
         });
+        tapline_host::table::break_between_words(&mut table);
         format!("{}\n{table}\n", self.title)
     }
 

@@ -7,7 +7,7 @@
 //!   every a90, and do not use a curve below f.
 //! - [`mean_interval`]: the interval of a mean of few values.
 //! - [`crossed`] and [`one_way()`]: gauge repeatability and reproducibility by analysis of variance.
-//! - [`auc_interval`] and [`auc_left_out`]: intervals of the area under the ROC curve, by blocks of a ring and by tyres left out.
+//! - [`auc_interval`]: the interval of the area under the ROC curve, by blocks of a ring.
 //! - [`nor_rmse`] and [`within_over_healthy`]: repeatability of two turns around a ring.
 //!
 //! Where the data give no answer, a [`Refusal`] names the reason in place of a number.
@@ -28,7 +28,6 @@ mod rate;
 mod refusal;
 mod repeat;
 mod size;
-mod split;
 mod tail;
 
 pub use a_hat::{A_HAT_TARGETS, AHat, Scale, Signal, a_hat};
@@ -42,4 +41,3 @@ pub use one_way::{OneWay, one_way};
 pub use rate::{Rate, clopper_pearson};
 pub use refusal::Refusal;
 pub use repeat::{nor_rmse, within_over_healthy};
-pub use split::{Split, auc_left_out, leave_one_out};

@@ -4,9 +4,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::{BandEdges, DurationEstimator, Error, PeakEstimator, QualityConfig, Subtraction};
 
-/// Most workers that a configuration may ask for.
-const WORKERS_MAX: usize = 1024;
-
 /// Arithmetic of the long sums and the transform; all definitions are in `f64`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -18,7 +15,7 @@ pub enum Precision {
     F64,
 }
 
-/// The `[process]` table: bands and estimators of the discriminators, arithmetic and workers.
+/// The `[process]` table: bands, estimators and arithmetic of the discriminators.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ProcessConfig {
@@ -48,8 +45,6 @@ pub struct ProcessConfig {
     pub mains_hz: f64,
     /// Arithmetic.
     pub precision: Precision,
-    /// Worker threads, 0 for one per core.
-    pub workers: usize,
     /// Thresholds and policies of the quality flags.
     pub quality: QualityConfig,
 }
@@ -71,7 +66,6 @@ impl Default for ProcessConfig {
             subtract: Subtraction::None,
             mains_hz: 50.0,
             precision: Precision::F32,
-            workers: 0,
             quality: QualityConfig::default(),
         }
     }
@@ -103,9 +97,6 @@ impl ProcessConfig {
         };
         band("f_hi_hz", self.f_hi_hz, "f_c_hz", self.f_c_hz)?;
         band("f_top_hz", self.f_top_hz, "f_lo_hz", self.f_lo_hz)?;
-        if self.workers > WORKERS_MAX {
-            return Err(Error::Workers { value: self.workers, bound: WORKERS_MAX });
-        }
         self.quality.validate()
     }
 
@@ -185,7 +176,6 @@ mod tests {
             message(ProcessConfig { f_lo_hz: -1.0, ..good }),
             "process.f_lo_hz = -1 Hz: must be finite and not below 0"
         );
-        assert_eq!(message(ProcessConfig { workers: 5000, ..good }), "process.workers = 5000: must be at most 1024");
         assert!(ProcessConfig { f_top_hz: f64::INFINITY, ..good }.validate().is_err());
         assert_eq!(
             message(ProcessConfig { record_s: -0.1, ..good }),

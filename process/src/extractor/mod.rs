@@ -46,8 +46,7 @@ pub struct Extractor<T: Real> {
 }
 
 impl<T: Real> Extractor<T> {
-    /// An extractor for `config`. The caller chooses `T` and the number of workers; those two settings are not read
-    /// here.
+    /// An extractor for `config`, but for its precision: the caller chooses `T`.
     ///
     /// # Errors
     /// What [`ProcessConfig::validate`] finds.

@@ -78,6 +78,7 @@ impl Supervisor<'_> {
         };
         match read() {
             Ok((verdict, reader)) => {
+                self.pace.is_incomplete |= verdict.refused + verdict.missing > 0;
                 if was_open {
                     let of = |casing: &super::Open| casing.header.station == u32::from(verdict.station);
                     let is_busy = self.open.iter().any(of);
@@ -89,6 +90,7 @@ impl Supervisor<'_> {
                 self.shown.verdicts.insert(0, verdict);
             }
             Err(error) => {
+                self.pace.is_incomplete = true;
                 tracing::error!("{}: cannot read the verdict: {error:#}", path.display());
                 self.alarm(format!("{}: cannot read the verdict", path.display()));
             }

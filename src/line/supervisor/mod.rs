@@ -56,8 +56,10 @@ pub(crate) struct Pace {
     pub closed: usize,
     /// Casings that were refused.
     pub refused: usize,
-    /// The reasons; of a line that never ends, the first ones.
+    /// The reasons, of a list.
     pub refusals: Vec<String>,
+    /// Whether a casing was refused, passed over or judged without all of its taps, or a tap set was put aside.
+    pub is_incomplete: bool,
 }
 
 /// A casing that is open.
@@ -232,8 +234,9 @@ impl<'a> Supervisor<'a> {
                     let reason = text_of(&record);
                     self.alarm(format!("station {}: {reason}", header.station));
                     self.pace.refused += 1;
+                    self.pace.is_incomplete = true;
                     self.shown.refused_count += 1;
-                    if self.is_list || self.pace.refusals.len() < SHOWN_MAX {
+                    if self.is_list {
                         self.pace.refusals.push(reason);
                     }
                 }
@@ -245,7 +248,10 @@ impl<'a> Supervisor<'a> {
             let Ok(station) = u16::try_from(record.header().mark) else { continue };
             let text = String::from_utf8_lossy(&record).into_owned();
             match record.kind() {
-                Some(RecordKind::Refusal) => self.alarm(format!("station {station}: {text}")),
+                Some(kind @ (RecordKind::Refusal | RecordKind::Alarm)) => {
+                    self.pace.is_incomplete |= kind == RecordKind::Refusal;
+                    self.alarm(format!("station {station}: {text}"));
+                }
                 _ => {
                     let station = self.shown.stations.iter_mut().find(|shown| shown.number == station);
                     station.into_iter().for_each(|station| station.waits_for.clone_from(&text));

@@ -46,20 +46,29 @@ const NO_SUBSCRIBER: &str = "no subscriber";
 /// How long verdicts may take that are still to be reported when the line ends.
 const END_WITHIN: Duration = Duration::from_secs(2);
 
-/// Starts to publish the verdicts of `plant`.
-pub(super) fn start(config: &MqttConfig, plant: &Plant) -> Result<Wire> {
+/// Checks that the files which `config` names can be read.
+pub(super) fn check(config: &MqttConfig) -> Result<()> {
+    client(config).map(drop)
+}
+
+/// What is needed to connect.
+fn client(config: &MqttConfig) -> Result<Client> {
     let (host, port) = config.host_and_port()?;
     let read = |path: &std::path::PathBuf| {
         fs::read(path).with_context(|| format!("line.mqtt.ca_file = \"{}\": cannot read it", path.display()))
     };
     let user = config.credentials_file.as_deref().map(User::read).transpose();
-    let client = Client {
+    Ok(Client {
         host: host.trim_start_matches('[').trim_end_matches(']').to_owned(),
         port,
         ca: config.ca_file.as_ref().map(read).transpose()?,
         user: user.context("line.mqtt.credentials_file")?,
-    };
-    let (config, plant_of_wire) = (config.clone(), plant.clone());
+    })
+}
+
+/// Starts to publish the verdicts of `plant`.
+pub(super) fn start(config: &MqttConfig, plant: &Plant) -> Result<Wire> {
+    let (client, config, plant_of_wire) = (client(config)?, config.clone(), plant.clone());
     Wire::start(Receiver::Mqtt, plant, || Ok(move |news| publish(client, config, plant_of_wire, news)))
 }
 

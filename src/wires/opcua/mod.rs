@@ -52,12 +52,17 @@ struct Prepared {
     namespaces: Namespaces,
 }
 
+/// The name and password that clients must have, where `config` names a file of them.
+pub(super) fn user(config: &OpcUaConfig) -> Result<Option<User>> {
+    config.credentials_file.as_deref().map(User::read).transpose().context("line.opcua.credentials_file")
+}
+
 /// Starts to serve the verdicts of `plant`; and where.
 pub(super) fn start(config: &OpcUaConfig, plant: &Plant) -> Result<(Wire, String)> {
     let context = || format!("line.opcua.listen = \"{}\": cannot listen there", config.listen);
     let listener = listen(config.listen).with_context(context)?;
     let address = listener.local_addr().with_context(context)?;
-    let user = config.credentials_file.as_deref().map(User::read).transpose().context("line.opcua.credentials_file")?;
+    let user = user(config)?;
     // Without certificates the server makes their folder all the same.
     let scratch = tempfile::tempdir().context("cannot make a folder for the OPC UA server")?;
     let builder = builder(address, config.pki_folder.as_deref(), user, scratch.path())?;

@@ -172,11 +172,10 @@ fn probe(path: &Path, access: Access) -> Result<bool> {
     }
     let is_finished = is_sealed(&file, path)?;
     match access {
-        Access::Read if !is_finished => match structure::check(&file, path) {
-            // A file of another program is not waited for.
-            Err(error @ Error::NotAnArchive { .. }) => Err(error),
-            _ => Err(Error::NotFinished { path: path.to_owned() }),
-        },
+        // A file of another program, or one that is damaged, is not waited for.
+        Access::Read if !is_finished => {
+            structure::check(&file, path).and(Err(Error::NotFinished { path: path.to_owned() }))
+        }
         Access::Write if is_finished => Err(Error::Finished { path: path.to_owned() }),
         _ if is_finished => Ok(true),
         _ => structure::check(&file, path).map(|()| false),

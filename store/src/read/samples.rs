@@ -136,7 +136,7 @@ impl SampleFile {
     }
 
     fn damaged(&self, header: &TapHeader, what: &str) -> Error {
-        let what = format!("the samples of plan row {} {what}", header.plan_index);
+        let what = format!("plan row {}: its samples {what}", header.plan_index);
         Error::Damaged { path: self.path.clone(), what }
     }
 
@@ -229,13 +229,13 @@ impl Taps {
 pub(crate) fn checked_header(path: &std::path::Path, plan: &Plan, row: u32, header: HeaderRow) -> Result<TapHeader> {
     let damaged = |what: String| Error::Damaged { path: path.to_owned(), what };
     if !header.is_valid(row as usize) {
-        return Err(damaged(format!("the header of plan row {row} is not what was written: its checksum differs")));
+        return Err(damaged(format!("plan row {row}: its header is not what was written: the checksum differs")));
     }
     let of_row = header.to_header(row, plan);
     let most = plan.recording.sample_count_max;
     if of_row.plan_index != row || of_row.sample_count > most {
         let (named, count) = (of_row.plan_index, of_row.sample_count);
-        return Err(damaged(format!("the header of plan row {row} names row {named} and {count} samples")));
+        return Err(damaged(format!("plan row {row}: its header names row {named} and {count} samples")));
     }
     Ok(of_row)
 }

@@ -208,7 +208,9 @@ fn check_samples(
     match checked {
         Ok(true) => Ok(()),
         Ok(false) => Err("its samples are not those that were recorded: their digest differs".to_owned()),
-        Err(Error::Damaged { what, .. }) => Err(what),
+        Err(Error::Damaged { what, .. }) => {
+            Err(what.strip_prefix(&format!("plan row {row}: ")).map_or_else(|| what.clone(), str::to_owned))
+        }
         Err(error) => Err(error.to_string()),
     }
 }

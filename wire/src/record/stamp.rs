@@ -21,6 +21,8 @@ pub enum RecordKind {
     Ledger,
     /// A casing's file is closed; its path follows as text.
     Closed,
+    /// What people should know of a station; it follows as text.
+    Alarm,
 }
 
 coded!(
@@ -33,6 +35,7 @@ coded!(
     Plan = 6,
     Ledger = 7,
     Closed = 8,
+    Alarm = 9,
 );
 
 /// Identity of a record: its sender, when the sender started, and its position in what the sender has sent.

@@ -191,10 +191,16 @@ impl<'l, T: Topic> Publisher<'l, T> {
             }
             if logged_at.elapsed() > LOG_AFTER {
                 logged_at = Instant::now();
-                let needed: Vec<String> = self.receivers.iter().map(|role| role.name()).collect();
                 let (_, present) = self.subscribers();
+                let (there, absent): (Vec<String>, Vec<String>) =
+                    self.receivers.iter().map(|role| role.name()).partition(|name| present.contains(name));
                 let waited_s = since.elapsed().as_secs();
-                tracing::warn!(topic = T::NAME, waited_s, ?needed, ?present, "waiting for subscribers");
+                match absent.is_empty() {
+                    true => {
+                        tracing::warn!(topic = T::NAME, waited_s, "waiting for the answers of {}", there.join(" and "))
+                    }
+                    false => tracing::warn!(topic = T::NAME, waited_s, "waiting for {} to start", absent.join(" and ")),
+                }
             }
             self.line.wait(Duration::from_millis(50))?;
             has_waited = true;

@@ -161,11 +161,8 @@ impl Topic for ProposalTopic {
     }
 }
 
-/// Longest report of what a station waits for, in bytes.
-pub const WAIT_BYTES_MAX: usize = 256;
-
-/// What stations wait for, as text for people, and, as refusals, alarms: `acquire` to the supervisor. The mark of a record is
-/// its station.
+/// What stations wait for, their alarms, and, as refusals, what of theirs is not judged: `acquire` to the supervisor. The mark of a
+/// record is its station.
 #[derive(Debug)]
 pub struct WaitTopic;
 
@@ -181,7 +178,7 @@ impl Topic for WaitTopic {
     const WAKE_EVERY: u64 = 31;
 
     fn elements_max(_: &Limits, _: Option<Role>) -> usize {
-        WAIT_BYTES_MAX
+        REASON_BYTES_MAX
     }
 }
 

@@ -76,6 +76,8 @@ pub(crate) struct Dialogue {
     last_id: u64,
     last_unknown_name: String,
     alarms: Vec<String>,
+    /// Casings that were passed over.
+    refusals: Vec<String>,
 }
 
 #[derive(Debug)]
@@ -195,6 +197,7 @@ impl Dialogue {
             last_id: 0,
             last_unknown_name: String::new(),
             alarms: Vec::new(),
+            refusals: Vec::new(),
         }
     }
 
@@ -346,12 +349,12 @@ impl Dialogue {
         is_over
     }
 
-    /// Raises an alarm if a casing was taken away before the station took it over.
+    /// Reports a casing that was taken away before the station took it over.
     fn discard_loaded(&mut self) {
         if let Some(serial) = self.loaded.take() {
             let text = format!("casing {serial} was taken away before its scan began; it has no verdict");
             tracing::error!("station {}: {text}", self.config.station);
-            self.alarm(text);
+            self.refuse(text);
         }
     }
 
@@ -368,6 +371,12 @@ impl Dialogue {
     fn alarm(&mut self, text: String) {
         if self.alarms.len() < ALARMS_MAX {
             self.alarms.push(text);
+        }
+    }
+
+    fn refuse(&mut self, text: String) {
+        if self.refusals.len() < ALARMS_MAX {
+            self.refusals.push(text);
         }
     }
 

@@ -142,7 +142,7 @@ impl Dialogue {
             && let Err(error) = Serial::new(serial)
         {
             tracing::error!("station {station}: a casing is passed over: {error}");
-            self.alarm(format!("a casing is passed over: {error}"));
+            self.refuse(format!("a casing is passed over: {error}"));
             self.send(&format!("error {}", one_line(&error.to_string())));
             self.discard_loaded();
             self.remove_current("another casing was put on the rig before its last tap");

@@ -105,6 +105,11 @@ impl Dialogue {
         self.away_since = None;
     }
 
+    /// The casings that were passed over since the last call.
+    pub(crate) fn take_refusals(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.refusals)
+    }
+
     /// The alarms since the last call.
     pub(crate) fn take_alarms(&mut self) -> Vec<String> {
         std::mem::take(&mut self.alarms)

@@ -1,0 +1,121 @@
+//! What of the options of a run or a line can be checked before it looks at its machine and its folder.
+
+use std::io::Write as _;
+use std::path::Path;
+
+use anyhow::{Result, bail, ensure};
+use tapline_acquire::{StationConfig, StationSource};
+use tapline_fuse::Reference;
+use tapline_host::stdout::Stdout;
+use tapline_wire::Recording;
+
+use crate::config::Config;
+use crate::config::job::Job;
+use crate::config::reference::{check_record_s, remark_on_bands};
+use crate::line::run::{Listed, absolute};
+use crate::line::setup::{Arriving, Setup};
+use crate::wires;
+
+/// What a line can be given as reference.
+const OTHER_REFERENCES: &str = "Make a reference file of casings that are known to be sound (`tapline reference FOLDER --out \
+     sound.json`) and give `--reference sound.json`; to compare each casing with itself, give `--reference self` (damage all \
+     round does not show then)";
+
+/// `tapline config --check`: checks the configuration at `path`, and says what else a run or a line needs.
+pub(crate) fn check_config(path: &Path) -> Result<bool> {
+    let mut job = Job::of_config(path)?;
+    let Config { scan, station, fuse, .. } = &mut job.config;
+    // How many stations a run has may be left to its options.
+    let given = scan.stations;
+    scan.stations = scan.for_line().stations;
+    let of_run = (scan.stations > given).then(|| format!("`tapline run` needs --stations {}", scan.stations));
+    let (lacks_station, lacks_reference) = (station.is_empty(), fuse.reference.is_none());
+    let of_simulated = match lacks_station {
+        true => check_run(&job)?,
+        false => check_line(&job).map(|_setup| None)?,
+    };
+    writeln!(Stdout, "{} is a configuration", path.display())?;
+    let of_simulated = of_simulated.map(|why| format!("`tapline run` takes it for recorded taps alone: {why}"));
+    let of_line = [(lacks_station, "at least one [[station]]"), (lacks_reference, "a [fuse] reference")];
+    let of_line =
+        of_line.into_iter().filter(|(is_so, _)| *is_so).map(|(_, what)| format!("`tapline line` needs {what}"));
+    for remark in of_run.into_iter().chain(of_simulated).chain(of_line) {
+        writeln!(Stdout, "{remark}")?;
+    }
+    Ok(true)
+}
+
+/// Refuses to judge without a reference.
+pub(super) fn require_reference(job: &Job) -> Result<()> {
+    ensure!(
+        job.config.fuse.reference.is_some(),
+        "no reference is named, and nothing is judged without one. {OTHER_REFERENCES}"
+    );
+    Ok(())
+}
+
+/// Checks what of a line's options needs neither its machine nor its folder, and need not have a reference yet; the line's setup.
+pub(super) fn check_line(job: &Job) -> Result<Setup> {
+    let Config { station: stations, fuse, scan, process, .. } = &job.config;
+    ensure!(
+        !stations.is_empty(),
+        "the configuration has no [[station]]: a line needs at least one, with its number and source"
+    );
+    if let Some(Reference::Shoulder { tyre, shoulder }) = &fuse.reference {
+        bail!(
+            "the reference is {tyre}/{shoulder}, and a shoulder named so is one of the same casing, which no casing of a \
+             line is known to have. {OTHER_REFERENCES}"
+        );
+    }
+    let setup = Setup::new(job, Arriving::Stations, &absolute(&job.out)?)?;
+    let fusions = job.fusions()?;
+    check_calibrations(job)?;
+    let is_simulated = |of: &StationConfig| of.source == StationSource::Simulated;
+    if let Some(station) = stations.iter().find(|of| is_simulated(of) && !scan.tyre.is_empty()) {
+        tracing::warn!("station {} makes tyres of its own: none of [[scan.tyre]] comes to it", station.number);
+    }
+    wires::check(&job.config.line)?;
+    for plan in setup.plans_of_stations(job)? {
+        remark_on_bands(process, &plan.recording).iter().for_each(|text| tracing::warn!("{text}"));
+        match fuse.reference {
+            Some(_) => drop(fusions.check(&plan)?),
+            None => check_record_s(process, &plan.recording)?,
+        }
+    }
+    Ok(setup)
+}
+
+/// Checks what of a run's options needs neither its machine nor its folder; why it can have no simulated tyres, where it could have
+/// recorded ones.
+fn check_run(job: &Job) -> Result<Option<String>> {
+    let setup = Setup::new(job, Arriving::Simulated, &job.out)?;
+    let refusal = match job.config.fuse.reference {
+        Some(_) => Listed::check(job, &setup).err(),
+        None => None,
+    };
+    Ok(refusal.map(|why| format!("{why:#}")))
+}
+
+/// Checks that stations which listen have a valid calibration, where the line passes no casing without one; else says which have none.
+fn check_calibrations(job: &Job) -> Result<()> {
+    let today = jiff::Timestamp::now().to_zoned(jiff::tz::TimeZone::UTC).date().to_string();
+    for station in job.config.station.iter().filter(|station| station.device.is_some()) {
+        let Recording { channels, calibration, .. } = station.heard_with(&job.config.capture)?.recording();
+        for channel in channels {
+            let fault = match &calibration.of(channel).certificate {
+                None => "has no calibration".to_owned(),
+                Some(certificate) if certificate.date > today => {
+                    format!("has a calibration of {}; today is {today}", certificate.date)
+                }
+                Some(certificate) => match certificate.valid_until.as_ref().filter(|until| **until < today) {
+                    Some(until) => format!("has a calibration that was valid until {until}; today is {today}"),
+                    None => continue,
+                },
+            };
+            let fault = format!("the {} of station {} {fault}", channel.name(), station.number);
+            ensure!(!job.config.fuse.requires_calibration, "{fault}, and fuse.requires_calibration is set");
+            tracing::warn!("{fault}");
+        }
+    }
+    Ok(())
+}
