@@ -187,3 +187,20 @@ fn is_hdf5(path: &Path) -> bool {
     let is_file = fs::metadata(path).is_ok_and(|there| there.is_file());
     is_file && File::open(path).and_then(|mut file| file.read_exact(&mut begin)).is_ok() && begin == HDF5_SIGNATURE
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a file that is lost because its folder is not there, and a draft that is left where the work for it has failed.
+    #[test]
+    fn the_folders_of_a_file_are_made() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a/b/text");
+        let failed = write_atomically(&path, Existing::Keep, |_| Err(io::Error::other("no text")));
+        assert!(matches!(failed, Err(WriteError::Failed { .. })), "{failed:?}");
+        assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 0);
+        write_atomically(&path, Existing::Keep, |mut file| file.write_all(b"text")).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"text");
+    }
+}

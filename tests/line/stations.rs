@@ -90,7 +90,7 @@ fn a_rig_that_is_switched_off_and_on_loses_nothing() {
     // Nobody knows whether a casing without a serial is the same as before, so it counts as another.
     let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json --casings 5");
     let verdicts = line.verdicts(5);
-    line.finish().expect(0);
+    line.finish().expect(3);
     let report = machine.interrupt().expect(0).out;
     assert_eq!(reported(&report, "switched off"), 4, "{report:?}");
     let names: Vec<&str> = verdicts.iter().map(|verdict| verdict["casing"].as_str().unwrap()).collect();
@@ -122,7 +122,7 @@ fn a_casing_that_is_taken_away_is_inspected_again() {
     let machine = rig_and_plant(&sandbox, "casings = 6\nremoved = 0.5\nseed = 4\n", "");
     let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json --casings 6");
     let verdicts = line.verdicts(6);
-    line.finish().expect(0);
+    line.finish().expect(3);
     let report = machine.interrupt().expect(0).out;
     let removed = reported(&report, "removed");
     assert!((1..6).contains(&removed), "{report:?}");
@@ -173,7 +173,7 @@ fn a_rig_that_is_late_after_a_restart_goes_on() {
             // By whatever taps came, of 24 locations and by itself, it may even be rejected.
             assert_ne!(verdict["verdict"], "PASS", "{verdict}");
             assert!(verdict["refused"] != 0 && verdict["missing"] == 0, "{verdict}");
-            line.interrupt().expect(0);
+            line.interrupt().expect(3);
         }
         assert_eq!(all_finished(&sandbox.path("out")), ["RIG-1"]);
     }

@@ -143,3 +143,16 @@ fn cut(text: &str, bytes: usize) -> Cow<'_, str> {
         false => format!("{}{MORE}", &text[..text.floor_char_boundary(bytes - MORE.len())]).into(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a text that does not fit, is cut within a character, or is cut without a sign of it.
+    #[test]
+    fn a_long_text_ends_with_an_ellipsis() {
+        assert_eq!(cut("123456", 6), "123456");
+        assert_eq!(cut("1234567", 6), "123…");
+        assert_eq!(cut("12µ4567", 6), "12…");
+    }
+}
