@@ -19,8 +19,9 @@ pub fn table<T: ToString>(header: impl IntoIterator<Item = T>) -> Table {
     table
 }
 
-/// Breaks the cells of the last column alone: all others are as wide as what is in them.
+/// Breaks the cells of the last column alone, between words: all others are as wide as what is in them.
 pub fn break_last_column(table: &mut Table) {
+    break_between_words(table);
     let last = table.column_count().saturating_sub(1);
     table.column_iter_mut().take(last).for_each(|column| {
         column.set_constraint(ColumnConstraint::ContentWidth);

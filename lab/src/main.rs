@@ -91,6 +91,9 @@ enum Verb {
     },
 }
 
+/// Ended, but archives were left out.
+const INCOMPLETE: u8 = 3;
+
 fn main() -> ExitCode {
     match hop::is_consumer() {
         Ok(false) => {}
@@ -103,7 +106,8 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     log::start(cli.log, None);
     match end_on_signals().context("cannot listen to signals").and_then(|()| dispatch(&cli.verb)) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::from(INCOMPLETE),
         Err(error) => {
             print_failure("tapline-lab", error.as_ref());
             ExitCode::FAILURE
@@ -111,11 +115,12 @@ fn main() -> ExitCode {
     }
 }
 
-fn dispatch(verb: &Verb) -> Result<()> {
-    match verb {
+/// Does what was asked; whether nothing was left out.
+fn dispatch(verb: &Verb) -> Result<bool> {
+    let done = match verb {
+        Verb::Pod(args) => return pod::pod(args),
         Verb::Study(args) => study::study(args),
         Verb::Chart(args) => chart::chart(args),
-        Verb::Pod(args) => pod::pod(args),
         Verb::Headroom(args) => headroom::headroom(args),
         Verb::Experiment { out, seed, written } => experiment::experiment(out, *seed, *written),
         Verb::Figures { out, figure, written } => figures::figures(out, *figure, *written),
@@ -130,5 +135,6 @@ fn dispatch(verb: &Verb) -> Result<()> {
             };
             generated::manual(Cli::command(), folder).map(drop).map_err(failed)
         }
-    }
+    };
+    done.map(|()| true)
 }

@@ -31,7 +31,11 @@ pub(crate) fn check_config(path: &Path) -> Result<bool> {
     let of_run = (scan.stations > given).then(|| format!("`tapline run` needs --stations {}", scan.stations));
     let (lacks_station, lacks_reference) = (station.is_empty(), fuse.reference.is_none());
     let of_simulated = match lacks_station {
-        true => check_run(&job)?,
+        true => {
+            // As if `--reference self` were given.
+            fuse.reference.get_or_insert(Reference::Own);
+            check_run(&job)?
+        }
         false => check_line(&job).map(|_setup| None)?,
     };
     writeln!(Stdout, "{} is a configuration", path.display())?;
@@ -89,10 +93,7 @@ pub(super) fn check_line(job: &Job) -> Result<Setup> {
 /// recorded ones.
 fn check_run(job: &Job) -> Result<Option<String>> {
     let setup = Setup::new(job, Arriving::Simulated, &job.out)?;
-    let refusal = match job.config.fuse.reference {
-        Some(_) => Listed::check(job, &setup).err(),
-        None => None,
-    };
+    let refusal = Listed::check(job, &setup).err();
     Ok(refusal.map(|why| format!("{why:#}")))
 }
 

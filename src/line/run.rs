@@ -13,7 +13,7 @@ use anyhow::{Context as _, Result, bail, ensure};
 use serde::{Deserialize, Serialize};
 use tapline_fuse::Reference;
 use tapline_host::atomic_file::{Existing, write_atomically};
-use tapline_host::messages::counted;
+use tapline_host::messages::{counted, say};
 use tapline_host::progress::{Progress, Unit};
 use tapline_host::signals::stop_flag;
 use tapline_store::{digest_of, hex_of, lineage_change};
@@ -94,7 +94,24 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     said.iter().for_each(|text| progress.print(text));
     let audience = Audience { progress, wires: Some(wires), as_json: args.json, show };
     let pace = operate(&setup, &mut folder, audience, args.casings.map(NonZeroUsize::get), stop)?;
-    Ok(!pace.is_incomplete)
+    say_how_it_ended(&pace);
+    Ok(pace.left_out.is_empty())
+}
+
+/// Says what is still to be done, and what was left out.
+fn say_how_it_ended(pace: &Pace) {
+    let judged = counted(pace.closed, "casing", "casings");
+    say(&format!("the line has ended: {judged} judged"));
+    for name in &pace.unfinished {
+        say(&format!("casing {name} is not done: the same command goes on with it"));
+    }
+    for (receiver, count) in &pace.waiting {
+        let count = counted(*count as usize, "verdict waits", "verdicts wait");
+        say(&format!("{count} for {receiver}: the same command reports them"));
+    }
+    for text in &pace.left_out {
+        say(&format!("left out: {text}"));
+    }
 }
 
 /// Starts to serve the page of the line, where `args` ask for it; who is to be given each status, and the page's address.

@@ -69,7 +69,7 @@ fn example(folder: &Path) -> Result<bool> {
     let (folder, config) = (folder.display(), config.display());
     let mut out = Stdout;
     writeln!(out, "{} recordings of a simulated shoulder. Import and judge them:", files.len())?;
-    writeln!(out, "tapline import {folder}/recordings/*.wav --config {config} --out my-taps")?;
-    writeln!(out, "tapline run --taps my-taps --reference self --out mine")?;
+    writeln!(out, "tapline import {folder}/recordings/*.wav --config {config} --out {folder}/taps")?;
+    writeln!(out, "tapline run --taps {folder}/taps --reference self --out {folder}/judged")?;
     Ok(true)
 }

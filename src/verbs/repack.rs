@@ -20,9 +20,7 @@ pub(crate) fn repack(paths: &[PathBuf], codec: Codec, out: &Path, as_json: bool)
     let mut progress = ArchiveProgress::new(&archives);
     for file in &archives.files {
         let to = if archives.is_many { out.join(&file.name) } else { out.to_owned() };
-        if archives.is_many
-            && let Some(folder) = to.parent()
-        {
+        if let Some(folder) = to.parent() {
             fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
         }
         progress.begin(file);

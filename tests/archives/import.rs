@@ -139,13 +139,13 @@ fn the_example_works_as_printed() {
         shell.args(["-c", &line]).current_dir(sandbox.path("")).env("XDG_RUNTIME_DIR", sandbox.path(""));
         last = Done::from(shell.output().unwrap()).expect(0).out;
     }
-    assert!(sandbox.path("mine/A-17.h5").exists());
+    assert!(sandbox.path("start/judged/A-17.h5").exists());
     assert!(last.starts_with("REJECT     A-17/1  strongest arc "), "the cracks that were planted: {last}");
     // The lines to copy of the page are those of the example.
     let page = fs::read_to_string(tapline_testing::documents::docs("import.md")).unwrap();
     let blocks: Vec<&str> = page.split("```toml\n").skip(1).filter_map(|block| block.split("```").next()).collect();
     sandbox.write("start/recordings/import.toml", blocks[0]);
-    fs::remove_dir_all(sandbox.path("my-taps")).unwrap();
+    fs::remove_dir_all(sandbox.path("start/taps")).unwrap();
     let done = import(&sandbox, "start/recordings", blocks[0]).expect(0);
     assert_eq!(done.out, "start/recordings-set: 100 taps written, 0 refused\n");
     // One that is cut short is refused, and the others are imported.

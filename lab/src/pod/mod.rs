@@ -19,6 +19,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, Result};
 use tapline_host::arguments::ForceArgs;
 use tapline_host::atomic_file::{Existing, check_folder, write_texts};
+use tapline_host::messages::print_line;
 
 use self::archives::Scans;
 use self::calls::CallRate;
@@ -61,11 +62,12 @@ struct Findings {
     tables: Vec<Table>,
 }
 
-/// Reads archives and truth, prints tables, and writes them with figures and a page where that is asked for.
+/// Reads archives and truth, prints tables, and writes them with figures and a page where that is asked for. Whether every archive
+/// could be read.
 ///
 /// # Errors
 /// A truth that contradicts itself or the archives, no archive that can be read, or an error of the file system.
-pub fn pod(args: &PodArgs) -> Result<()> {
+pub fn pod(args: &PodArgs) -> Result<bool> {
     if let Some(folder) = &args.out {
         check_folder(folder, args.force.existing())?;
     }
@@ -80,10 +82,11 @@ pub fn pod(args: &PodArgs) -> Result<()> {
     };
     let found = Findings::compute(&scans, &truth, args);
     print_tables(&found.tables, args.json)?;
-    match &args.out {
-        Some(folder) => found.write(folder, args.force.existing()),
-        None => Ok(()),
+    if let Some(folder) = &args.out {
+        found.write(folder, args.force.existing())?;
     }
+    scans.unreadable.iter().for_each(|why| print_line(&format!("tapline-lab: {why}")));
+    Ok(scans.unreadable.is_empty())
 }
 
 impl Findings {

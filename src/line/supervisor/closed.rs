@@ -78,7 +78,10 @@ impl Supervisor<'_> {
         };
         match read() {
             Ok((verdict, reader)) => {
-                self.pace.is_incomplete |= verdict.refused + verdict.missing > 0;
+                if verdict.refused + verdict.missing > 0 {
+                    let CasingVerdict { casing, refused, missing, .. } = &verdict;
+                    self.leave_out(format!("casing {casing}: {refused} taps refused, {missing} missing"));
+                }
                 if was_open {
                     let of = |casing: &super::Open| casing.header.station == u32::from(verdict.station);
                     let is_busy = self.open.iter().any(of);
@@ -90,7 +93,7 @@ impl Supervisor<'_> {
                 self.shown.verdicts.insert(0, verdict);
             }
             Err(error) => {
-                self.pace.is_incomplete = true;
+                self.leave_out(format!("{}: cannot read the verdict", path.display()));
                 tracing::error!("{}: cannot read the verdict: {error:#}", path.display());
                 self.alarm(format!("{}: cannot read the verdict", path.display()));
             }

@@ -58,8 +58,13 @@ pub(crate) struct Pace {
     pub refused: usize,
     /// The reasons, of a list.
     pub refusals: Vec<String>,
-    /// Whether a casing was refused, passed over or judged without all of its taps, or a tap set was put aside.
-    pub is_incomplete: bool,
+    /// What was left out: casings that were refused, passed over or judged without all of their taps, and tap sets that were put
+    /// aside. Of a line that never ends, the first ones.
+    pub left_out: Vec<String>,
+    /// Casings that are not done.
+    pub unfinished: Vec<String>,
+    /// Who has not acknowledged how many verdicts.
+    pub waiting: Vec<(String, u64)>,
 }
 
 /// A casing that is open.
@@ -195,7 +200,9 @@ impl<'a> Supervisor<'a> {
         self.receive()?;
         self.audience.progress.finish();
         // Whoever receives verdicts has the last ones before the line is reported to be over.
-        drop(self.audience.wires.take());
+        let receivers = self.audience.wires.take().map(Wires::close).unwrap_or_default();
+        let waiting = receivers.into_iter().filter(|receiver| receiver.waiting > 0);
+        self.pace.waiting = waiting.map(|receiver| (receiver.name, receiver.waiting)).collect();
         Ok(self.into_pace())
     }
 
@@ -234,7 +241,7 @@ impl<'a> Supervisor<'a> {
                     let reason = text_of(&record);
                     self.alarm(format!("station {}: {reason}", header.station));
                     self.pace.refused += 1;
-                    self.pace.is_incomplete = true;
+                    self.leave_out(format!("station {}: {reason}", header.station));
                     self.shown.refused_count += 1;
                     if self.is_list {
                         self.pace.refusals.push(reason);
@@ -249,8 +256,11 @@ impl<'a> Supervisor<'a> {
             let text = String::from_utf8_lossy(&record).into_owned();
             match record.kind() {
                 Some(kind @ (RecordKind::Refusal | RecordKind::Alarm)) => {
-                    self.pace.is_incomplete |= kind == RecordKind::Refusal;
-                    self.alarm(format!("station {station}: {text}"));
+                    let text = format!("station {station}: {text}");
+                    if kind == RecordKind::Refusal {
+                        self.leave_out(text.clone());
+                    }
+                    self.alarm(text);
                 }
                 _ => {
                     let station = self.shown.stations.iter_mut().find(|shown| shown.number == station);
@@ -264,7 +274,7 @@ impl<'a> Supervisor<'a> {
             self.alarm(alarm);
         }
         let settled = self.settled();
-        let since = self.rate.note(settled);
+        let since = self.rate.note(settled.saturating_sub(self.settled_before));
         if self.audience.progress.update_since(
             settled as u64,
             settled.saturating_sub(self.settled_before) as u64,
@@ -283,6 +293,12 @@ impl<'a> Supervisor<'a> {
         let Some(place) = self.open.iter().position(|casing| casing.number == number) else { return };
         let casing = self.open.swap_remove(place);
         self.alarm(format!("casing {}: {reason}; it is tapped anew", casing.name));
+    }
+
+    fn leave_out(&mut self, text: String) {
+        if self.pace.left_out.len() < SHOWN_MAX {
+            self.pace.left_out.push(text);
+        }
     }
 
     fn alarm(&mut self, text: String) {
@@ -375,6 +391,7 @@ impl<'a> Supervisor<'a> {
             elapsed_s: self.rate.elapsed_s(),
             restarts: self.stages.restarts(),
             reports: self.stages.reports(),
+            unfinished: self.open.into_iter().map(|casing| casing.name).collect(),
             ..self.pace
         }
     }

@@ -114,6 +114,13 @@
     const large = end - from > 180 ? 1 : 0;
     return `M${at(high, from)} A${high} ${high} 0 ${large} 1 ${at(high, end)} L${at(low, end)} A${low} ${low} 0 ${large} 0 ${at(low, from)} Z`;
   }
+  // Where damage lies along a row of places without angles; a row may be a ring, and the damage at its seam.
+  function strips(arc, count) {
+    const [first, last] = [arc.first_location, arc.last_location];
+    const runs = first <= last ? [[first, last]] : [[first, count - 1], [0, last]];
+    const x = (place) => (5 + (250 / count) * place).toFixed(2);
+    return runs.filter(([, to]) => to < count).map(([from, to]) => draw('path', { class: 'arc', d: `M${x(from)} 74 H${x(to + 1)}` }));
+  }
   // The range of each location: half way to its neighbours, and at most half of the usual step, so that what is not scanned
   // stays empty.
   function sectors(angles) {
@@ -177,7 +184,9 @@
     const refusals = refused ? `, ${refused} with a refused tap` : '';
     const told = judged ? `${judged.verdict}${where ? `, damage at ${where}` : ''}` : `${done} of ${count} locations tapped`;
     set(of.svg, 'aria-label', `${name}: ${told}${refusals}`);
-    keyed(of.arcs, JSON.stringify(arcs), () => (of.isRing ? arcs.filter((arc) => arc.start_deg !== null) : []).flatMap((arc) => {
+    keyed(of.arcs, JSON.stringify(arcs), () => arcs.flatMap((arc) => {
+      if (!of.isRing) return strips(arc, count);
+      if (arc.start_deg === null) return [];
       const [from, to] = ends(arc);
       const peak = arc.peak_deg ?? (from + to) / 2;
       // Words are wider than high.
