@@ -242,7 +242,10 @@ fn what_is_wrong_is_named() {
         assert!(refusal(rows).contains(expected), "{rows}: {}", refusal(rows));
     }
     fs::write(sandbox.path("casings/broken.h5"), "no archive").unwrap();
-    let found = tables(&sandbox, "A,1,,0,\n");
+    fs::write(sandbox.path("truth.csv"), format!("{HEAD}A,1,,0,\n")).unwrap();
+    let done = sandbox.run("pod casings --truth truth.csv --json");
+    let found = done.json(3);
+    assert!(done.err.contains("broken.h5 is not an HDF5 file"), "{done:?}");
     assert!(row(&found["basis"], "archive left out")["remark"].as_str().unwrap().contains("broken.h5"), "{found}");
     fs::remove_file(sandbox.path("casings/000.h5")).unwrap();
     assert!(sandbox.run("pod casings").expect(1).err.contains("none of 1 archives can be read"));
