@@ -12,8 +12,8 @@ use tapline_wire::Recording;
 use crate::config::Config;
 use crate::config::job::Job;
 use crate::config::reference::{check_record_s, remark_on_bands};
-use crate::line::run::{Listed, absolute};
-use crate::line::setup::{Arriving, Setup};
+use crate::line::listed::Listed;
+use crate::line::setup::{Arriving, Setup, absolute};
 use crate::wires;
 
 /// What a line can be given as reference.

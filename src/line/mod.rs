@@ -7,6 +7,7 @@
 
 mod check;
 pub(crate) mod limits;
+mod listed;
 pub(crate) mod out_folder;
 pub(crate) mod process_name;
 mod progress_rate;

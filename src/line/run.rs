@@ -1,6 +1,5 @@
 //! `tapline run` and `tapline line`: the same line, on a list of casings and on casings as they come.
 
-use std::collections::BTreeSet;
 use std::fs;
 use std::io::Write as _;
 use std::num::NonZeroUsize;
@@ -9,7 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use anyhow::{Context as _, Result, bail, ensure};
+use anyhow::{Context as _, Result, bail};
 use serde::{Deserialize, Serialize};
 use tapline_fuse::Reference;
 use tapline_host::atomic_file::{Existing, write_atomically};
@@ -21,12 +20,12 @@ use tapline_wire::{Line, LineAddress, Role, Services};
 
 use crate::cli::line::{LineArgs, RunArgs};
 use crate::config::job::Job;
-use crate::config::reference::remark_on_bands;
 use crate::config::report::ReportConfig;
 use crate::line::check::{check_line, require_reference};
+use crate::line::listed::Listed;
 use crate::line::out_folder::OutFolder;
 use crate::line::process_name::name_process;
-use crate::line::setup::{Arriving, Setup};
+use crate::line::setup::{Arriving, Setup, absolute};
 use crate::line::summary::summarise;
 use crate::line::supervisor::{Audience, Pace, ShowStatus, Supervisor};
 use crate::wires::Wires;
@@ -182,42 +181,6 @@ impl Drop for Workplace {
     }
 }
 
-/// The casings of a list, checked.
-#[derive(Debug)]
-pub(super) struct Listed {
-    names: Vec<String>,
-    tap_count: usize,
-    /// Digests of the plans of recorded taps; simulated ones follow from the configuration.
-    plans: Vec<String>,
-}
-
-impl Listed {
-    pub(super) fn check(job: &Job, setup: &Setup) -> Result<Self> {
-        let fusions = job.fusions()?;
-        let is_simulated = setup.arriving == Arriving::Simulated;
-        let mut known = BTreeSet::new();
-        let mut listed = Self { names: Vec::new(), tap_count: 0, plans: Vec::new() };
-        setup.listed(job, &mut |name, _station, plan| {
-            // Simulated tyres differ only in their names; each recorded one has taps of its own.
-            match !is_simulated || listed.names.is_empty() {
-                true => drop(fusions.check(&plan)?),
-                false => fusions.check_shoulder(&plan)?,
-            }
-            ensure!(known.insert(name.clone()), "two casings are called {name}: each needs a name of its own");
-            if listed.names.is_empty() {
-                remark_on_bands(&job.config.process, &plan.recording).iter().for_each(|text| tracing::warn!("{text}"));
-            }
-            listed.tap_count += plan.taps().len();
-            if !is_simulated {
-                listed.plans.push(format!("{name} {:016x}", plan.digest()));
-            }
-            listed.names.push(name);
-            Ok(())
-        })?;
-        Ok(listed)
-    }
-}
-
 /// The run whose results a folder has, so that no other run continues them.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct RunFile {
@@ -298,8 +261,4 @@ impl RunFile {
             format!("{there} there, {here} here")
         })
     }
-}
-
-pub(super) fn absolute(path: &Path) -> Result<PathBuf> {
-    std::path::absolute(path).with_context(|| format!("{} is no usable path", path.display()))
 }

@@ -196,3 +196,8 @@ fn limits_of(job: &Job, arriving: &Arriving) -> Result<Limits> {
     let processes = stations.len().min(cores.max(stations.len().div_ceil(STATIONS_PER_PROCESS)));
     Ok(Limits { acquire_count: u16::try_from(processes).context("too many stations")?, stations, casing: largest })
 }
+
+/// The path from the root.
+pub(super) fn absolute(path: &Path) -> Result<PathBuf> {
+    std::path::absolute(path).with_context(|| format!("{} is no usable path", path.display()))
+}

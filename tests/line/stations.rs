@@ -57,7 +57,8 @@ fn tap_sets_that_are_moved_into_a_folder_are_judged() {
     fs::rename(sandbox.path("inbox/done/B"), sandbox.path("inbox/B-again")).unwrap();
     until("the set is done again", || sandbox.path("inbox/done/B-again").is_dir());
     let done = line.interrupt().expect(3);
-    assert!(done.out.is_empty() && done.err.contains("bad"), "{done:?}");
+    assert!(done.out.is_empty() && done.err.contains("the line has ended: 2 casings judged\n"), "{done:?}");
+    assert!(done.err.contains("left out: station 1: tap set bad cannot be used: "), "{done:?}");
     let said = done.err.lines().find(|line| line.contains("is not judged twice")).unwrap_or_else(|| panic!("{done:?}"));
     assert!(said.contains("WARN") && said.contains("casing B of the tap set") && said.contains("B-again"), "{said}");
     assert_eq!(all_finished(&sandbox.path("out")), ["A", "B"]);

@@ -73,8 +73,7 @@ pub enum Refusal {
     },
     /// Misses and hits do not overlap, so that the steepest curve fits best and has no slope.
     #[error(
-        "every target up to size {largest_miss:.3} was missed and every one from {smallest_hit:.3} on was found; \
-         a50 lies between, and a slope needs sizes at which both happen"
+        "none up to size {largest_miss:.3} was found, and all from {smallest_hit:.3} on: a50 lies between, and no slope fits"
     )]
     Separable {
         /// Greatest size missed, in the unit of the sizes.

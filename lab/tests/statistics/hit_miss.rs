@@ -77,8 +77,7 @@ fn what_has_no_curve_says_why() {
     assert!(matches!(hit_miss(&[f64::NAN], &[true]).unwrap_err(), Refusal::Size { index: 0, .. }));
     assert_eq!(
         of([false, false, true, true]).to_string(),
-        "every target up to size 2.000 was missed and every one from 3.000 on was found; a50 lies between, and a slope needs sizes at \
-         which both happen"
+        "none up to size 2.000 was found, and all from 3.000 on: a50 lies between, and no slope fits"
     );
 }
 

@@ -56,8 +56,6 @@ pub(crate) struct Pace {
     pub closed: usize,
     /// Casings that were refused.
     pub refused: usize,
-    /// The reasons, of a list.
-    pub refusals: Vec<String>,
     /// What was left out: casings that were refused, passed over or judged without all of their taps, and tap sets that were put
     /// aside. Of a line that never ends, the first ones.
     pub left_out: Vec<String>,
@@ -243,9 +241,6 @@ impl<'a> Supervisor<'a> {
                     self.pace.refused += 1;
                     self.leave_out(format!("station {}: {reason}", header.station));
                     self.shown.refused_count += 1;
-                    if self.is_list {
-                        self.pace.refusals.push(reason);
-                    }
                 }
                 _ => continue,
             }
