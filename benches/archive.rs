@@ -36,7 +36,7 @@ struct Scan {
 
 impl Scan {
     fn simulate() -> Result<Self> {
-        let scan = ScanConfig { velocities_m_per_s: vec![1.85], ..ScanConfig::default() };
+        let scan = ScanConfig { offsets_mm: vec![0.0, 5.0, 10.0, 15.0], repetitions: 2, ..ScanConfig::default() };
         // Records of 0.4 s, of which a beginning can be read.
         let simulation = SimulationConfig { sample_count: 16_384, ..SimulationConfig::default() };
         let mut line = SimulatedLine::new(&scan, &simulation)?;

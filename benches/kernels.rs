@@ -167,10 +167,20 @@ fn measured(mut kernels: Vec<Kernel<'_>>) -> Vec<Kernel<'_>> {
     kernels
 }
 
+/// The scan of the dissertation: two turns at each of four offsets and three velocities.
+fn dissertation() -> ScanConfig {
+    ScanConfig {
+        offsets_mm: vec![0.0, 5.0, 10.0, 15.0],
+        velocities_m_per_s: vec![1.2, 1.5, 1.85],
+        repetitions: 2,
+        ..ScanConfig::default()
+    }
+}
+
 /// The rows of records of `count` samples.
 fn of_records(count: usize) -> Result<Vec<Row>> {
     let simulation = SimulationConfig { sample_count: u32::try_from(count)?, ..SimulationConfig::default() };
-    let mut line = SimulatedLine::new(&ScanConfig::default(), &simulation)?;
+    let mut line = SimulatedLine::new(&dissertation(), &simulation)?;
     let (taps, _) = tyre(&mut line, &mut extractor()?)?;
     let folder = TempDir::new()?;
     let streamed = Streamed::new(&taps);
@@ -412,7 +422,7 @@ fn narrow(mut kernel: Kernel<'_>) -> Kernel<'_> {
 
 /// A whole casing, of which nothing is known: all records are added, and all scans are ended and judged.
 fn judge(extractor: &mut ProcessExtractor) -> Result<Kernel<'static>> {
-    let mut line = SimulatedLine::new(&ScanConfig::default(), &SimulationConfig::default())?;
+    let mut line = SimulatedLine::new(&dissertation(), &SimulationConfig::default())?;
     let (_, records) = tyre(&mut line, extractor)?;
     let count = records.len();
     let mut fresh = vec![Fusion::new(&FuseConfig::by(Reference::Own), line.plan())?; 2 * ROUNDS * TURNS];

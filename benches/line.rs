@@ -25,9 +25,16 @@ const TURNS: u16 = 32;
 /// What a rig makes at most, taps per second of a station.
 const REAL_TAPS_PER_S: f64 = 2.5;
 
-/// The default scan with two offsets, its turns distributed over `stations`.
+/// A scan at two offsets and three velocities, its turns distributed over `stations`.
 fn scan(stations: u16) -> ScanConfig {
-    ScanConfig { stations, offsets_mm: vec![0.0, 10.0], repetitions: TURNS / stations, ..ScanConfig::default() }
+    ScanConfig {
+        stations,
+        offsets_mm: vec![0.0, 10.0],
+        velocities_m_per_s: vec![1.2, 1.5, 1.85],
+        repetitions: TURNS / stations,
+        confirm: false,
+        ..ScanConfig::default()
+    }
 }
 
 fn main() -> Result<()> {
@@ -198,11 +205,12 @@ fn recorded(folder: &Path) -> Result<TempDir> {
 
 /// The configuration of a line of `stations` that make `taps_per_s` each, or as many as they can.
 fn line_toml(folder: &Path, stations: u16, taps_per_s: Option<f64>) -> Result<PathBuf> {
-    let ScanConfig { offsets_mm, repetitions, .. } = scan(stations);
+    let ScanConfig { offsets_mm, velocities_m_per_s, repetitions, confirm, .. } = scan(stations);
     let pace = taps_per_s.map_or_else(String::new, |rate| format!("taps_per_s = {rate:.3}\n"));
     let config = folder.join("line.toml");
     let text = format!(
-        "[acquire]\n{pace}[scan]\noffsets_mm = {offsets_mm:?}\nrepetitions = {repetitions}\n[fuse]\nreference = \"self\"\n"
+        "[acquire]\n{pace}[scan]\noffsets_mm = {offsets_mm:?}\nvelocities_m_per_s = {velocities_m_per_s:?}\n\
+         repetitions = {repetitions}\nconfirm = {confirm}\n[fuse]\nreference = \"self\"\n"
     );
     std::fs::write(&config, text)?;
     Ok(config)

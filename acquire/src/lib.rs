@@ -12,7 +12,7 @@
 //! use tapline_acquire::{ScanConfig, SimulatedLine, Source};
 //! use tapline_wire::{CacheLine, Samples, TapHeader, cache_lines_for};
 //!
-//! let scan = ScanConfig { offsets_mm: vec![0.0], velocities_m_per_s: vec![1.85], ..ScanConfig::default() };
+//! let scan = ScanConfig { repetitions: 2, ..ScanConfig::default() };
 //! let mut line = SimulatedLine::new(&scan, &tapline_model::SimulationConfig::default())?;
 //! assert_eq!(line.plan().taps().len(), 2 * 2 * 101); // shoulders, repetitions, locations and the first again
 //!
@@ -40,7 +40,7 @@ pub use capture::{
     CaptureConfig, Crossing, DeviceName, Monitor, MonitoredTap, NotTaps, Trigger, TriggerConfig, UldaqConfig,
 };
 pub use config::calibration::{CALIBRATION_FILE, CalibrationFile, ChannelScale};
-pub use config::{AcquireConfig, ScanConfig, ScanPolicy, TyreConfig};
+pub use config::{AcquireConfig, ScanConfig, TyreConfig};
 pub use error::Error;
 pub use rig::{RigArrivals, RigConfig, RigReport, RigScript, serve_rig};
 pub use simulated::SimulatedLine;

@@ -201,8 +201,7 @@ impl Drop for Ended {
 fn run(folder: &Path, out: &Path, casings: u32, stations: u16) -> Result<f64> {
     let tyres: String = (1..=casings).map(|n| format!("[[scan.tyre]]\nserial = \"C{n}\"\n")).collect();
     let config = folder.join("scale.toml");
-    let scan =
-        "[fuse]\nreference = \"self\"\n[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.85]\nrepetitions = 1\n";
+    let scan = "[fuse]\nreference = \"self\"\n[scan]\nconfirm = false\n";
     fs::write(&config, format!("{scan}{tyres}"))?;
     if out.exists() {
         fs::remove_dir_all(out)?;

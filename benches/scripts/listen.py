@@ -21,10 +21,7 @@ sample_rate_hz = 40960
 [capture.trigger]
 level = 0.02
 [scan]
-offsets_mm = [0.0]
-velocities_m_per_s = [1.85]
-repetitions = 1
-policy = "fixed"
+confirm = false
 """
 
 

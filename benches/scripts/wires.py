@@ -43,11 +43,8 @@ sample_count = 4096
 [acquire]
 taps_per_s = 60
 [scan]
-offsets_mm = [0.0]
-velocities_m_per_s = [1.85]
-repetitions = 1
 locations = 24
-policy = "fixed"
+confirm = false
 """
 RESULT = "http://opcfoundation.org/UA/Machinery/Result/"
 WORDS = {1: "PASS", 2: "RE-INSPECT", 3: "REJECT"}

@@ -32,7 +32,7 @@ struct TapsOf {
 }
 
 fn main() {
-    let scan = ScanConfig { offsets_mm: vec![0.0], velocities_m_per_s: vec![1.85], ..ScanConfig::default() };
+    let scan = ScanConfig { repetitions: 2, ..ScanConfig::default() };
     // Records of 0.4 s: 64 KiB.
     let simulation = tapline_model::SimulationConfig { sample_count: 16_384, ..Default::default() };
     let mut line = SimulatedLine::new(&scan, &simulation).unwrap();

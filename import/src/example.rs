@@ -26,15 +26,7 @@ pub fn write_example(folder: &Path) -> Result<(Vec<PathBuf>, PathBuf)> {
     }
     let recordings = folder.join("recordings");
     fs::create_dir_all(&recordings).map_err(|error| unwritable(&recordings, &error))?;
-    let scan = ScanConfig {
-        offsets_mm: vec![0.0],
-        velocities_m_per_s: vec![1.85],
-        repetitions: 1,
-        locations: LOCATIONS,
-        shoulders: 1,
-        closing_tap: false,
-        ..ScanConfig::default()
-    };
+    let scan = ScanConfig { locations: LOCATIONS, shoulders: 1, closing_tap: false, ..ScanConfig::default() };
     let simulation = SimulationConfig { sample_count: SAMPLE_COUNT, ..SimulationConfig::default() };
     let mut line = SimulatedLine::new(&scan, &simulation)?;
     let recording = line.plan().recording.clone();

@@ -176,8 +176,7 @@ impl Used {
         let locations = (taps_per_s * seconds / 2.0).clamp(16.0, 10_000.0) as u32;
         let config = folder.join("line.toml");
         let text = format!(
-            "[acquire]\ntaps_per_s = {taps_per_s:?}\n[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.85]\nrepetitions = 1\n\
-             locations = {locations}\n[fuse]\nreference = \"self\"\n"
+            "[acquire]\ntaps_per_s = {taps_per_s:?}\n[scan]\nlocations = {locations}\nconfirm = false\n[fuse]\nreference = \"self\"\n"
         );
         fs::write(&config, text)?;
         let out = folder.join("line");

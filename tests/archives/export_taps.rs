@@ -17,8 +17,8 @@ const SCAN: &str = "
 [scan]
 offsets_mm = [0.0, 5.0]
 velocities_m_per_s = [1.85]
-repetitions = 1
 locations = 30
+confirm = false
 
 [[scan.tyre]]
 serial = \"CRACKED\"

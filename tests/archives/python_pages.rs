@@ -74,7 +74,7 @@ fn reading_archives_runs_as_it_stands() {
     let regions = tapline_testing::documents::csv_rows(&sandbox.run("export run.h5 regions").expect(0).out);
     assert_eq!(regions.len(), 1);
     assert!(said.contains(&format!("[{}, ", regions[0]["first_location"])), "{said} {regions:?}");
-    assert!(said.contains("of the taps of run.h5 (202, 2, 2048)"), "{said}");
+    assert!(said.contains("of the taps of run.h5 (402, 2, 2048)"), "{said}");
     let differs = said.lines().find_map(|line| line.strip_prefix("PR differs by at most ")).unwrap();
     assert!(differs.parse::<f64>().unwrap() > 1e-3, "{differs}");
     let picture = fs::read(sandbox.path("reading-archives.png")).unwrap();

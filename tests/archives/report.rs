@@ -17,6 +17,7 @@ offsets_mm = [0.0, 5.0]
 velocities_m_per_s = [1.85]
 repetitions = 2
 locations = 60
+confirm = false
 
 [[scan.tyre]]
 serial = "<script>&\"x'"

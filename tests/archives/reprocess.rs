@@ -21,6 +21,7 @@ locations = 40
 offsets_mm = [0.0, 5.0]
 velocities_m_per_s = [1.5]
 repetitions = 2
+confirm = false
 [[scan.tyre]]
 serial = \"CRACKED\"
 crack = [{ shoulder = 1, first_location = 10, location_count = 8, depth_mm = 5.0 }]

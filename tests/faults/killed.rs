@@ -21,6 +21,7 @@ offsets_mm = [0.0]
 velocities_m_per_s = [1.85]
 repetitions = 2
 locations = 40
+confirm = false
 ";
 const TAPS_A_STATION: f32 = 164.0;
 

@@ -185,7 +185,7 @@ fn a_line_begins_only_with_what_its_stations_need() {
     sandbox.run("run --taps taps --reference self --out set").expect(0);
     sandbox.run("reference set --shoulder A-17/1 --out sound.json").expect(0);
     let station = "[[station]]\nnumber = 1\nsource = \"alsa\"\ndevice = \"nowhere\"\ncalibration = \"station.toml\"\n";
-    let scan = "[scan]\npolicy = \"fixed\"\nshoulders = 1\nlocations = 24\noffsets_mm = [5.0]\nrepetitions = 1\n";
+    let scan = "[scan]\nconfirm = false\nshoulders = 1\nlocations = 24\noffsets_mm = [5.0]\n";
     sandbox.write(
         "plant.toml",
         &format!("{station}{scan}[capture]\nsample_rate_hz = 41000\nsample_count = 4096\npre_trigger_samples = 400\n"),

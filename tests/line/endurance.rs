@@ -48,7 +48,7 @@ fn two_hundred_casings_leave_no_trace() {
     const WAVERS_KB: usize = 3_000;
     let sandbox = Sandbox::new();
     let station = |n: u32| format!("[[station]]\nnumber = {n}\nsource = \"simulated\"\n");
-    let scan = "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.85]\nrepetitions = 1\nlocations = 6\nshoulders = 1\npolicy = \"fixed\"\n";
+    let scan = "[scan]\nlocations = 6\nshoulders = 1\nconfirm = false\n";
     sandbox.write("plant.toml", &format!("{scan}[simulation]\nsample_count = 1024\n{}{}", station(1), station(2)));
     let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json --casings 200");
     let mut verdicts = line.verdicts(60);

@@ -15,7 +15,7 @@ use crate::sandbox::stages::{signal, stage};
 fn a_crack_is_tapped_again_before_it_is_judged() {
     let sandbox = Sandbox::new();
     let station = "[[station]]\nnumber = 1\nsource = \"simulated\"\n";
-    let scan = "[scan]\noffsets_mm = [0.0, 10.0]\nvelocities_m_per_s = [1.5, 1.85]\ntap_period_s = 0.4\noffset_change_s = 3.0\n";
+    let scan = "[scan]\ntap_period_s = 0.4\noffset_change_s = 3.0\n";
     let head = "[simulation]\nsample_count = 2048\n[fuse]\nreference = \"self\"\n";
     sandbox.write("plant.toml", &format!("{scan}{head}{station}"));
     let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json --casings 2");
@@ -54,11 +54,10 @@ fn a_crack_is_tapped_again_before_it_is_judged() {
 fn a_second_reading_outlives_the_stages() {
     let sandbox = Sandbox::new();
     let station = "[[station]]\nnumber = 1\nsource = \"simulated\"\n";
-    let scan = "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.85]\n";
     let head = "[simulation]\nsample_count = 2048\n[fuse]\nreference = \"self\"\n[acquire]\n";
     // The casing is killed for when so many of its 202 first taps and some 30 second ones are archived.
     let made = |taps_per_s: f64, kills: &[(u64, &str)]| {
-        sandbox.write("plant.toml", &format!("{scan}{head}taps_per_s = {taps_per_s}\n{station}"));
+        sandbox.write("plant.toml", &format!("{head}taps_per_s = {taps_per_s}\n{station}"));
         let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json --casings 1");
         for &(archived_count, victim) in kills {
             until("taps are archived", || archived(&sandbox) >= archived_count);

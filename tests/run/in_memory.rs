@@ -24,6 +24,7 @@ offsets_mm = [0.0, 10.0]
 velocities_m_per_s = [1.5]
 repetitions = 2
 locations = 20
+confirm = false
 
 [[simulation.fault]]
 kind = \"double_hit\"

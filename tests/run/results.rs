@@ -16,6 +16,7 @@ offsets_mm = [0.0]
 velocities_m_per_s = [1.85]
 repetitions = 1
 locations = 60
+confirm = false
 
 [[scan.tyre]]
 serial = \"CRACKED\"

@@ -18,9 +18,7 @@ use tempfile::TempDir;
 
 /// `[scan]` of casings that take a second: two shoulders of `locations` taps, the first again, and no others.
 pub(crate) fn short_scan(locations: u32) -> String {
-    format!(
-        "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.85]\nrepetitions = 1\nlocations = {locations}\npolicy = \"fixed\"\n"
-    )
+    format!("[scan]\nlocations = {locations}\nconfirm = false\n")
 }
 
 /// A new folder in which the built program runs.

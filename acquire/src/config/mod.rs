@@ -74,27 +74,14 @@ pub struct ScanConfig {
     pub closing_tap: bool,
     /// Time of the first tap of each station, ns since the Unix epoch: the simulation reads no clock.
     pub start_ns: i64,
-    /// How many of these taps are made, and whether what stands out is tapped again.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub policy: Option<ScanPolicy>,
+    /// Whether what stands out after these taps is tapped again before it is judged.
+    pub confirm: bool,
     /// Time from tap to tap of a station.
     pub tap_period_s: f64,
     /// Time that the impactor needs besides to go to another offset.
     pub offset_change_s: f64,
     /// The tyres; if none is listed there is one at each station, cracked at odd stations.
     pub tyre: Vec<TyreConfig>,
-}
-
-/// How a scan goes on after its first taps.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ScanPolicy {
-    /// One turn at the belt edge; what stands out is tapped again. The default of `tapline line`.
-    Adaptive,
-    /// All taps; what stands out is tapped again.
-    Full,
-    /// All taps and no others. The default of `tapline run`.
-    Fixed,
 }
 
 /// Once around a shoulder.
@@ -128,14 +115,14 @@ impl Default for ScanConfig {
         Self {
             seed: 1,
             stations: 1,
-            offsets_mm: vec![0.0, 5.0, 10.0, 15.0],
-            velocities_m_per_s: vec![1.2, 1.5, 1.85],
-            repetitions: 2,
+            offsets_mm: vec![0.0],
+            velocities_m_per_s: vec![1.85],
+            repetitions: 1,
             locations: 100,
             shoulders: 2,
             closing_tap: true,
             start_ns: 1_767_225_600_000_000_000, // 2026-01-01T00:00:00Z
-            policy: None,
+            confirm: true,
             tap_period_s: 0.1,
             offset_change_s: 0.0,
             tyre: Vec::new(),
@@ -192,19 +179,19 @@ impl ScanConfig {
     }
 
     fn taps_of_tyre(&self) -> u128 {
-        let turns = match self.policy {
-            Some(ScanPolicy::Adaptive) => 1,
-            _ => self.offsets_mm.len() as u128 * self.velocities_m_per_s.len() as u128 * u128::from(self.repetitions),
-        };
         let of_turn = u128::from(self.locations) + u128::from(self.closing_tap);
-        turns.saturating_mul(of_turn).saturating_mul(self.shoulders.into())
+        (self.offsets_mm.len() as u128)
+            .saturating_mul(self.turns_at_an_offset() as u128)
+            .saturating_mul(of_turn)
+            .saturating_mul(self.shoulders.into())
+    }
+
+    fn turns_at_an_offset(&self) -> usize {
+        self.velocities_m_per_s.len() * usize::from(self.repetitions)
     }
 
     /// The turns around a shoulder, in their order.
     pub(crate) fn turns(&self) -> Vec<Turn> {
-        if self.policy == Some(ScanPolicy::Adaptive) {
-            return self.turn_at_the_edge().into_iter().collect();
-        }
         let mut turns = Vec::new();
         for &offset_mm in &self.offsets_mm {
             for &velocity_m_per_s in &self.velocities_m_per_s {
@@ -215,28 +202,18 @@ impl ScanConfig {
         turns
     }
 
-    /// The turn of an adaptive scan: with the greatest velocity at the offset nearest to the belt edge, where cracks begin.
-    fn turn_at_the_edge(&self) -> Option<Turn> {
-        let offset_mm = self.offsets_mm.iter().copied().min_by(|a, b| a.abs().total_cmp(&b.abs()))?;
-        let velocity_m_per_s = self.velocities_m_per_s.iter().copied().max_by(f64::total_cmp)?;
-        Some(Turn { offset_mm, velocity_m_per_s, repetition: 0 })
-    }
-
-    /// The scan of a station that taps whatever casings come: adaptive, unless the configuration says otherwise.
+    /// The scan of a line: its stations are those of its configuration, not so many as a run is given.
     pub fn for_line(&self) -> Self {
-        // The stations of a line are those of its configuration, not so many as a run is given.
         let stations = self.tyre.iter().fold(self.stations, |most, tyre| most.max(tyre.station));
-        Self { policy: Some(self.policy.unwrap_or(ScanPolicy::Adaptive)), stations, ..self.clone() }
+        Self { stations, ..self.clone() }
     }
 
     /// How many taps a tyre may be given besides: those of the whole scan once more at one offset.
     pub(crate) fn room(&self) -> u32 {
-        let turns = match self.policy {
-            None | Some(ScanPolicy::Fixed) => return 0,
-            Some(ScanPolicy::Adaptive) => 1,
-            Some(ScanPolicy::Full) => self.velocities_m_per_s.len() * usize::from(self.repetitions),
-        };
-        let turns = u32::try_from(turns).unwrap_or(u32::MAX);
+        if !self.confirm {
+            return 0;
+        }
+        let turns = u32::try_from(self.turns_at_an_offset()).unwrap_or(u32::MAX);
         self.locations.saturating_mul(self.shoulders.into()).saturating_mul(turns)
     }
 
@@ -338,7 +315,7 @@ mod tests {
         assert_eq!(scan("").unwrap(), config);
         assert_eq!(scan(&toml::to_string(&config).unwrap()).unwrap(), config);
         AcquireConfig::default().validate().unwrap();
-        assert_eq!(config.tap_count(), 4848);
+        assert_eq!(config.tap_count(), 202);
     }
 
     /// Catches a value that is let through, or refused without its key, value and bound.
@@ -358,7 +335,7 @@ mod tests {
             ("start_ns = -1", "scan.start_ns is -1"),
             (
                 "locations = 999999\nstations = 60000",
-                "scan: the number of taps is 2880000000000; it must be at most 10000000",
+                "scan: the number of taps is 120000000000; it must be at most 10000000",
             ),
             ("[[tyre]]\nserial = \"\"", "scan.tyre[0].serial is \"\""),
             ("[[tyre]]\nserial = \"A\"\n[[tyre]]\nserial = \"A\"", "scan.tyre[1].serial is \"A\"; it must be another"),

@@ -17,10 +17,8 @@ fn scan() -> ScanConfig {
     };
     ScanConfig {
         stations: 2,
-        offsets_mm: vec![0.0],
-        velocities_m_per_s: vec![1.85],
-        repetitions: 1,
         locations: 12,
+        confirm: false,
         tyre: [("A", 1), ("B", 2), ("C", 2), ("D", 1), ("E", 2)].map(tyre).to_vec(),
         ..ScanConfig::default()
     }

@@ -11,7 +11,7 @@ fn line(scan: &ScanConfig) -> SimulatedLine {
 }
 
 fn small() -> ScanConfig {
-    ScanConfig { stations: 2, repetitions: 1, offsets_mm: vec![0.0, 5.0], locations: 12, ..ScanConfig::default() }
+    ScanConfig { stations: 2, offsets_mm: vec![0.0, 5.0], velocities_m_per_s: vec![1.2, 1.5, 1.85], locations: 12, ..ScanConfig::default() }
 }
 
 /// Header and samples of a tap, the buffer dirty before.
@@ -26,8 +26,14 @@ fn render(line: &mut SimulatedLine, row: u32, attempt: u16) -> (TapHeader, Vec<i
 
 /// Catches a plan that is not the scan of section 4 of the method: 2 shoulders x 4 offsets x 3 velocities x 2 x 101.
 #[test]
-fn the_default_plan_is_the_scan_of_the_method() {
-    let line = line(&ScanConfig { stations: 2, ..ScanConfig::default() });
+fn the_scan_of_the_method_can_be_asked_for() {
+    let line = line(&ScanConfig {
+        stations: 2,
+        offsets_mm: vec![0.0, 5.0, 10.0, 15.0],
+        velocities_m_per_s: vec![1.2, 1.5, 1.85],
+        repetitions: 2,
+        ..ScanConfig::default()
+    });
     let plan = line.plan();
     assert_eq!(plan.taps().len(), 2 * 4848);
     assert_eq!((plan.stations(), plan.scans().len()), (vec![1, 2], 4));

@@ -14,22 +14,13 @@ pub(crate) struct Off {
 
 /// All of them. A test asks for a line here when the committed atlas shows a default off its front, and that the line goes when it is
 /// back.
-pub(crate) const OFF: [Off; 2] = [
-    Off {
-        panel: "plans",
-        facet: "model",
-        default: "two turns at each of four offsets and three velocities (tapline run)",
-        why: "it is the dissertation's, for comparison with it; all cracks here begin at the belt edge, and other offsets are for those that \
-              do not. What a line does by default is on the front",
-    },
-    Off {
-        panel: "force",
-        facet: "tau",
-        default: "tau = \"half_sine\"",
-        why: "the error here is a common factor, which an index divides out: by `width_02`, which is nearer to the contact, the index finds \
-              fewer cracks (panel `settings`)",
-    },
-];
+pub(crate) const OFF: [Off; 1] = [Off {
+    panel: "force",
+    facet: "tau",
+    default: "tau = \"half_sine\"",
+    why: "the error here is a common factor, which an index divides out: by `width_02`, which is nearer to the contact, the index finds \
+          fewer cracks (panel `settings`)",
+}];
 
 /// Why `default` of `facet` is what it is, where it is known to be off.
 pub(crate) fn why(panel: &str, facet: &str, default: &str) -> Option<&'static str> {

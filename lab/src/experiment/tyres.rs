@@ -67,6 +67,7 @@ fn at_one_offset_and_velocity(seed: u64, tyre: Vec<TyreConfig>) -> ScanConfig {
         seed,
         offsets_mm: vec![0.0],
         velocities_m_per_s: vec![VELOCITY_M_PER_S],
+        repetitions: 2,
         locations: LOCATIONS,
         tyre,
         ..ScanConfig::default()

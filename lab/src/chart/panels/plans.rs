@@ -64,11 +64,7 @@ fn tried(is_full: bool) -> Vec<Tried> {
         ),
         Tried {
             is_default: true,
-            ..of(
-                "adaptive",
-                "one turn at 0 mm, what stands out again (tapline line)",
-                ScanTaps::adaptive(VELOCITY_M_PER_S),
-            )
+            ..of("adaptive", "one turn at 0 mm, what stands out again", ScanTaps::adaptive(VELOCITY_M_PER_S))
         },
         of(
             "100 + 50, again",
@@ -104,14 +100,7 @@ fn tried(is_full: bool) -> Vec<Tried> {
             "two turns at 0 mm at each of three velocities",
             all(&OFFSETS_MM[..1]),
         ));
-        tried.push(Tried {
-            is_default: true,
-            ..of(
-                "full 4 x 3 x 2",
-                "two turns at each of four offsets and three velocities (tapline run)",
-                all(&OFFSETS_MM),
-            )
-        });
+        tried.push(of("full 4 x 3 x 2", "two turns at each of four offsets and three velocities", all(&OFFSETS_MM)));
         tried.push(Tried {
             index: IndexKind::Dissertation,
             ..of(
