@@ -58,6 +58,10 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
         say_unsupported(&job)?;
         let stop = stop_at_signals()?;
         let progress = scanning(listed.tap_count, &job.out);
+        if finished > 0 {
+            progress
+                .print(&format!("{finished} of {} are done already", counted(listed.names.len(), "casing", "casings")));
+        }
         let audience = Audience { progress, wires: None, as_json: args.json, show: None };
         operate(&setup, &mut folder, audience, Some(listed.names.len()), stop)?
     };

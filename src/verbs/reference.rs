@@ -8,7 +8,7 @@ use anyhow::{Context as _, Result, bail};
 use serde_json::{Value, json};
 use tapline_fuse::{Built, Direction, KnownShoulder, Origin, ReferenceSet, build_reference};
 use tapline_host::atomic_file::{check_writable, write_atomically};
-use tapline_host::messages::say;
+use tapline_host::messages::{counted, say};
 use tapline_host::similar::did_you_mean;
 use tapline_host::table::table;
 use tapline_store::Reader;
@@ -221,8 +221,8 @@ fn print(path: &Path, set: &ReferenceSet) -> Result<()> {
     let names: Vec<String> = set.shoulders.iter().map(|s| format!("{}/{}", s.tyre, s.shoulder)).collect();
     writeln!(
         out,
-        "{} shoulders: {}; {} sound and {} cracked locations",
-        names.len(),
+        "{}: {}; {} sound and {} cracked locations",
+        counted(names.len(), "shoulder", "shoulders"),
         names.join(", "),
         summary.sound_count,
         summary.cracked_count
@@ -235,10 +235,7 @@ fn print(path: &Path, set: &ReferenceSet) -> Result<()> {
         percent(summary.re_inspect_rate),
         summary.limit_reject,
         percent(summary.reject_rate),
-        match summary.casing_count {
-            1 => "1 casing supports".to_owned(),
-            count => format!("{count} casings support"),
-        },
+        counted(summary.casing_count, "casing supports", "casings support"),
         summary
             .supported_rate
             .map_or_else(|| "no rate".to_owned(), |rate| format!("{} without assumption", percent(rate)))

@@ -238,7 +238,7 @@ fn what_is_incomplete_is_shown() {
     assert!(pages["shift.html"].contains("244 of 488 planned taps are missing."), "{}", pages["shift.html"]);
 }
 
-/// Catches a line drawn as a ring, degrees where there are none, a refusal without its reason, and an absent value that
+/// Catches a line, or a ring without angles, drawn as a ring, degrees where there are none, a refusal without its reason, and an absent value that
 /// is drawn as 0 or bridged.
 #[test]
 fn a_line_is_a_strip() {
@@ -268,6 +268,13 @@ fn a_line_is_a_strip() {
     // The curve of a discriminator is interrupted there: two pieces, and its sample in the key.
     let f_max = text.split("aria-label=\"F_max, line 7\"").nth(1).unwrap().split("</svg>").next().unwrap();
     assert_eq!(f_max.matches("stroke=\"#0072B2\" stroke-width=\"6\"").count(), 3);
+    // A tyre whose angles nobody noted: it is not drawn as if they were known.
+    sandbox.write("taps/scan.toml", &scan.replace("line", "ring"));
+    sandbox.write("taps/taps.csv", &table.replace("slab,7", "slab,1"));
+    sandbox.run("run --taps taps --reference self --out tyre").expect(3);
+    sandbox.run("report tyre --out tyre-report").expect(0);
+    let text = page(&sandbox, "tyre-report/tyre-slab.html");
+    assert!(text.contains("<h1>Tyre slab</h1>") && !text.contains('°') && !text.contains("start mark"));
 }
 
 /// Catches a file that is not an archive but is read as one, and a folder that is created for nothing.

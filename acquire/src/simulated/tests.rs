@@ -11,7 +11,13 @@ fn line(scan: &ScanConfig) -> SimulatedLine {
 }
 
 fn small() -> ScanConfig {
-    ScanConfig { stations: 2, offsets_mm: vec![0.0, 5.0], velocities_m_per_s: vec![1.2, 1.5, 1.85], locations: 12, ..ScanConfig::default() }
+    ScanConfig {
+        stations: 2,
+        offsets_mm: vec![0.0, 5.0],
+        velocities_m_per_s: vec![1.2, 1.5, 1.85],
+        locations: 12,
+        ..ScanConfig::default()
+    }
 }
 
 /// Header and samples of a tap, the buffer dirty before.

@@ -42,8 +42,8 @@ pub struct FolderArrivals {
     sets: Vec<OpenSet>,
     /// Sets that cannot be put aside; they stay where they are, and are not tried again.
     stuck: BTreeSet<OsString>,
-    /// The first set whose tables are not complete yet.
-    half: Option<OsString>,
+    /// What the first set lacks whose tables have not both come.
+    half: Option<String>,
     /// Why the folder itself cannot be read.
     fault: Option<String>,
     /// Alarms for people.
@@ -141,7 +141,9 @@ impl FolderArrivals {
         match put_into(&set, &self.folder.join(FAILED)) {
             Ok(place) => {
                 tracing::error!("station {}: tap set {} was put aside: {reason}", self.station, place.display());
-                if let Err(error) = write_reason(&place, reason) {
+                // The set has moved, and may move again: its files are named as seen from it.
+                let reason = reason.replace(&format!("{}/", set.display()), "");
+                if let Err(error) = write_reason(&place, &reason) {
                     tracing::warn!("station {}: {}: {error}", self.station, place.join(REASON).display());
                 }
             }
@@ -183,8 +185,10 @@ impl FolderArrivals {
                 continue;
             }
             let dir = self.folder.join(&name);
-            if !["scan.toml", "taps.csv"].iter().all(|file| dir.join(file).exists()) {
-                self.half.get_or_insert(name);
+            let missing: Vec<_> =
+                ["scan.toml", "taps.csv"].into_iter().filter(|file| !dir.join(file).exists()).collect();
+            if !missing.is_empty() {
+                self.half.get_or_insert_with(|| format!("{} in {}", missing.join(" and "), dir.display()));
                 continue;
             }
             match listed_tap_set(&dir, 1) {
@@ -250,7 +254,7 @@ impl Arrivals for FolderArrivals {
         let folder = self.folder.display();
         match (&self.fault, &self.half) {
             (Some(fault), _) => format!("the folder {folder}: {fault}"),
-            (None, Some(half)) => format!("scan.toml and taps.csv in {}", self.folder.join(half).display()),
+            (None, Some(half)) => half.clone(),
             (None, None) => format!("a tap set in {folder}"),
         }
     }

@@ -223,6 +223,10 @@ impl<'a> Supervisor<'a> {
                             let station = u16::try_from(header.station).unwrap_or(u16::MAX);
                             self.audience.wires.iter().for_each(|wires| wires.opened(station));
                             self.settled_before += header.settled_before_count as usize;
+                            if header.settled_before_count > 0 {
+                                let there = format!("{} of {}", header.settled_before_count, header.tap_count);
+                                self.audience.progress.print(&format!("casing {name} goes on: {there} taps are there"));
+                            }
                             self.open.push(Open { number, name, header, layout, ledger: None });
                         }
                     }

@@ -74,6 +74,8 @@ pub(crate) struct Shoulder {
     pub first_strongest_arc: Option<f64>,
     /// Ascending by location; without an index if nothing is judged.
     pub cells: Vec<Cell>,
+    /// Whether its places are angles around a ring, and not numbers of locations.
+    pub is_round: bool,
     pub regions: Vec<Region>,
     /// Every planned tap.
     pub taps: Vec<Tap>,
@@ -248,6 +250,7 @@ fn shoulder(
         strongest_arc: judgement.map(|j| j.strongest_arc).filter(|arc| arc.is_finite()),
         first_strongest_arc: judgement.map(|j| j.first_strongest_arc).filter(|arc| arc.is_finite()),
         cells: map.iter().map(cell).collect(),
+        is_round: places.is_round,
         regions: regions(reader.plan().geometry, &map),
         taps,
         offsets: Vec::new(),
@@ -256,30 +259,25 @@ fn shoulder(
 
 /// Positions of the locations of one shoulder in pictures.
 struct Places {
-    geometry: Geometry,
+    is_round: bool,
     places: BTreeMap<u32, f64>,
     end: f64,
 }
 
 impl Places {
     fn of_scan(geometry: Geometry, scan: &Scan) -> Self {
-        // Without angles, the locations of a ring are equal parts of it.
-        let part_deg = 360.0 / scan.locations.len() as f64;
-        let place = |(order, &(location, angle_deg)): (u32, &(u32, Option<f64>))| match geometry {
-            Geometry::Ring => (location, angle_deg.unwrap_or(f64::from(order) * part_deg)),
-            Geometry::Line => (location, f64::from(location)),
+        // A ring whose angles are not known is drawn by its locations.
+        let is_round = geometry == Geometry::Ring && scan.locations.iter().all(|(_, angle_deg)| angle_deg.is_some());
+        let place = |&(location, angle_deg): &(u32, Option<f64>)| {
+            (location, angle_deg.filter(|_| is_round).unwrap_or(f64::from(location)))
         };
-        let places: BTreeMap<u32, f64> = (0..).zip(&scan.locations).map(place).collect();
+        let places = scan.locations.iter().map(place).collect();
         let last = scan.locations.last().map_or(0, |&(location, _)| location);
-        let end = if geometry == Geometry::Ring { 360.0 } else { f64::from(last) };
-        Self { geometry, places, end }
+        Self { is_round, places, end: if is_round { 360.0 } else { f64::from(last) } }
     }
 
     fn at(&self, location: u32) -> f64 {
-        self.places.get(&location).copied().unwrap_or(match self.geometry {
-            Geometry::Ring => self.end,
-            Geometry::Line => f64::from(location),
-        })
+        self.places.get(&location).copied().unwrap_or(if self.is_round { self.end } else { f64::from(location) })
     }
 
     fn end(&self) -> f64 {
@@ -291,6 +289,11 @@ impl Tyre {
     /// The worst verdict of its shoulders, because one is enough to reject a casing.
     pub(crate) fn verdict(&self) -> Verdict {
         self.shoulders.iter().map(|shoulder| shoulder.verdict).max().unwrap_or(Verdict::ReInspect)
+    }
+
+    /// Whether the angles of all of its shoulders are known.
+    pub(crate) fn is_round(&self) -> bool {
+        self.shoulders.iter().all(|shoulder| shoulder.is_round)
     }
 
     /// Every tap of the tyre.

@@ -5,7 +5,6 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use plotters::prelude::*;
 use tapline_draw::canvas::{INK, Point, VERMILLION, number, units};
-use tapline_wire::Geometry;
 
 use crate::report::evidence::Shoulder;
 use crate::report::evidence::spectra::{ROWS, Spectra};
@@ -27,23 +26,17 @@ const COLUMNS_MOST: usize = 800;
 const PLACE: RGBColor = RGBColor(1, 2, 3);
 
 /// The picture of `spectra`; densities of `loudest_db` have the darkest colour.
-pub(crate) fn svg(
-    geometry: Geometry,
-    title: String,
-    shoulder: &Shoulder,
-    spectra: &Spectra,
-    loudest_db: f64,
-) -> Result<String> {
+pub(crate) fn svg(title: String, shoulder: &Shoulder, spectra: &Spectra, loudest_db: f64) -> Result<String> {
     let band_hz = spectra.band_hz;
     let sheet = Sheet {
         height: 206,
         title,
         keys: Vec::new(),
         ramp: Some([number((loudest_db - DEPTH_DB).round()), format!("{} dB", number(loudest_db.round()))]),
-        x: along(geometry, std::slice::from_ref(shoulder)),
+        x: along(std::slice::from_ref(shoulder)),
         y: Axis::from_to("frequency, Hz", band_hz, 6),
     };
-    let png = png(&pixels(geometry, shoulder, spectra, sheet.x.range, loudest_db))?;
+    let png = png(&pixels(shoulder, spectra, sheet.x.range, loudest_db))?;
     let svg = sheet.svg(|chart| {
         let (from, to) = sheet.x.range;
         chart.draw_series([Rectangle::new([(from, band_hz.0), (to, band_hz.1)], PLACE.filled())])?;
@@ -86,14 +79,14 @@ struct Pixels {
     colours: Vec<u8>,
 }
 
-fn pixels(geometry: Geometry, shoulder: &Shoulder, spectra: &Spectra, range: Point, loudest_db: f64) -> Pixels {
+fn pixels(shoulder: &Shoulder, spectra: &Spectra, range: Point, loudest_db: f64) -> Pixels {
     // Two columns per location, because on a ring the halves of the first location are at both ends.
     let width = (2 * shoulder.cells.len()).clamp(1, COLUMNS_MOST);
     let column = |k: usize| {
         let x = range.0 + (range.1 - range.0) * (k as f64 + 0.5) / width as f64;
-        let away = |place: f64| match geometry {
-            Geometry::Ring => ((x - place + 180.0).rem_euclid(360.0) - 180.0).abs(),
-            Geometry::Line => (x - place).abs(),
+        let away = |place: f64| match shoulder.is_round {
+            true => ((x - place + 180.0).rem_euclid(360.0) - 180.0).abs(),
+            false => (x - place).abs(),
         };
         let nearest =
             shoulder.cells.iter().zip(&spectra.columns).min_by(|a, b| away(a.0.place).total_cmp(&away(b.0.place)));

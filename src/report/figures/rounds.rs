@@ -24,8 +24,8 @@ const CURVES: [(RGBColor, Stroke); 2] = [(BLUE, Stroke::Plain), (VERMILLION, Str
 type Turn = Vec<Option<Point>>;
 
 /// The axis along the ring or line.
-pub(crate) fn along(geometry: Geometry, shoulders: &[Shoulder]) -> Axis {
-    if geometry == Geometry::Ring {
+pub(crate) fn along(shoulders: &[Shoulder]) -> Axis {
+    if shoulders.iter().all(|shoulder| shoulder.is_round) {
         return Axis {
             label: "angle, deg".to_owned(),
             range: (0.0, 360.0),
@@ -53,7 +53,7 @@ pub(crate) fn index(geometry: Geometry, title: String, shoulders: &[Shoulder], g
         title,
         keys: keys.chain(limits).collect(),
         ramp: None,
-        x: along(geometry, shoulders),
+        x: along(shoulders),
         y: Axis::around("damage index", (lowest, greatest), 6),
     };
     sheet.svg(|chart| {
@@ -66,15 +66,15 @@ pub(crate) fn index(geometry: Geometry, title: String, shoulders: &[Shoulder], g
         }
         for (shoulder, &(color, stroke)) in shoulders.iter().zip(&CURVES) {
             let points = shoulder.cells.iter().map(|cell| cell.index.map(|index| (cell.place, index)));
-            chart::curve(chart, &closed(geometry, points.collect()), stroke.style(color))?;
+            chart::curve(chart, &closed(shoulder.is_round, points.collect()), stroke.style(color))?;
         }
         Ok(())
     })
 }
 
 /// The curve of a ring, with its first point repeated at the end.
-fn closed(geometry: Geometry, mut points: Vec<Option<Point>>) -> Vec<Option<Point>> {
-    let first = points.first().copied().flatten().filter(|(place, _)| geometry == Geometry::Ring && *place < 1e-9);
+fn closed(is_round: bool, mut points: Vec<Option<Point>>) -> Vec<Option<Point>> {
+    let first = points.first().copied().flatten().filter(|(place, _)| is_round && *place < 1e-9);
     points.extend(first.map(|(_, y)| Some((360.0, y))));
     points
 }
@@ -107,7 +107,7 @@ pub(crate) fn discriminator(
             title: format!("{name}, {} {}", words::side(geometry), shoulder.number),
             keys: CURVES.iter().zip(1..=turns.len()).map(key).collect(),
             ramp: None,
-            x: along(geometry, std::slice::from_ref(shoulder)),
+            x: along(std::slice::from_ref(shoulder)),
             y: Axis::around(label.clone(), (extremes.0 * scale, extremes.1 * scale), 5),
         };
         sheet.svg(|chart| {

@@ -41,9 +41,9 @@ pub(crate) fn pair(reader: &Reader, geometry: Geometry, tyre: &Tyre, condition: 
         return Ok(None);
     }
     let word = if peak.region == 0 { "highest index, not damage" } else { "damage" };
-    let place = |cell: &Cell| match geometry {
-        Geometry::Ring => format!("{:.0}°", cell.place),
-        Geometry::Line => format!("location {}", cell.location),
+    let place = |cell: &Cell| match shoulder.is_round {
+        true => format!("{:.0}°", cell.place),
+        false => format!("location {}", cell.location),
     };
     let row = |cell: &Cell| {
         let here = shoulder.taps.iter().filter(|tap| tap.condition == condition && !tap.is_closing);

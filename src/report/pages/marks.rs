@@ -54,8 +54,8 @@ pub(crate) fn regions(evidence: &Evidence, tyre: &Tyre) -> Markup {
         @if count == 0 {
             p { (nothing(tyre)) }
         } @else {
-            p { (counted(count, "region", "regions")) ", counted along the " (words::side(geometry)) ". " (how(geometry, printed)) }
-            @if geometry == Geometry::Ring { (sketch::casing(printed.mark(), printed.side())) }
+            p { (counted(count, "region", "regions")) ", counted along the " (words::side(geometry)) ". " (how(tyre, printed)) }
+            @if tyre.is_round() { (sketch::casing(printed.mark(), printed.side())) }
             div class="scroll" { table class="cards" {
                 thead { tr {
                     th { (words::side(geometry)) } th { "region" } th { "from" } th { "to" } th { "length" } th { "worst at" } th { "offset" } th { "severity" }
@@ -85,13 +85,13 @@ fn nothing(tyre: &Tyre) -> &'static str {
     }
 }
 
-fn how(geometry: Geometry, printed: &ReportConfig) -> String {
-    match geometry {
-        Geometry::Ring => format!(
+fn how(tyre: &Tyre, printed: &ReportConfig) -> String {
+    match tyre.is_round() {
+        true => format!(
             "Angles are those of the tapped locations on both shoulders, {}; the damage may reach half a step farther.",
             printed.angles()
         ),
-        Geometry::Line => "Numbers are those of the tapped locations.".to_owned(),
+        false => "Numbers are those of the tapped locations.".to_owned(),
     }
 }
 

@@ -6,7 +6,7 @@ use anyhow::Result;
 use maud::{Markup, html};
 use tapline_fuse::Direction;
 use tapline_store::Reader;
-use tapline_wire::{Channel, Discriminator, Geometry};
+use tapline_wire::{Channel, Discriminator};
 
 use crate::report::evidence::{Evidence, Shoulder, Tyre, spectra};
 use crate::report::figures::scale::Scale;
@@ -82,9 +82,9 @@ fn maps(evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
     for shoulder in &tyre.shoulders {
         let title = format!("{} {}", capital(side(geometry)), shoulder.number);
         let scale = scale.with(shoulder.limits);
-        maps.push(match geometry {
-            Geometry::Ring => ring::svg(&title, shoulder, &scale)?,
-            Geometry::Line => strip::svg(&title, shoulder, &scale)?,
+        maps.push(match shoulder.is_round {
+            true => ring::svg(&title, shoulder, &scale)?,
+            false => strip::svg(&title, shoulder, &scale)?,
         });
     }
     let curve = |shoulder: &Shoulder| {
@@ -97,19 +97,20 @@ fn maps(evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
     let what = html! {
         strong { "Damage index, location by location." }
         " Dark is damage; grey is a location without value. "
-        @match geometry {
-            Geometry::Ring => "Angles run clockwise from the start mark at the top; ",
-            Geometry::Line => "Locations run from left to right; ",
-        }
+        (match tyre.is_round() {
+            true => "Angles run clockwise from the start mark at the top; ",
+            false => "Locations run from left to right; ",
+        })
         "the vermilion bar beside the map is a region, with its number"
         @if evidence.has_truth { "; the black line is a crack that is known to be there" }
         ". "
         @if !offsets.is_empty() {
-            @match geometry {
-                Geometry::Ring => "The outer ring takes all taps together; within it, from outside, lie the offsets ",
-                Geometry::Line => "The upper strip takes all taps together; below it lie the offsets ",
-            }
-            (offsets.join(", ")) " mm from the belt edge, each judged by itself: a crack lies where its ring is darkest. "
+            (match tyre.is_round() {
+                true => "The outer ring takes all taps together; within it, from outside, lie the offsets ",
+                false => "The upper strip takes all taps together; below it lie the offsets ",
+            })
+            (offsets.join(", ")) " mm from the belt edge, each judged by itself: a crack lies where its "
+            (if tyre.is_round() { "ring" } else { "strip" }) " is darkest. "
         }
         "The index counts how far a location stands out of the reference; on the scale below, the triangles are the limits."
     };
@@ -158,7 +159,7 @@ fn scans(reader: &Reader, evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
     let mut pictures = Vec::new();
     for (shoulder, spectra) in tyre.shoulders.iter().zip(&all) {
         let title = format!("Spectra, {} {}", side(evidence.geometry), shoulder.number);
-        pictures.push(bscan::svg(evidence.geometry, title, shoulder, spectra, loudest_db)?);
+        pictures.push(bscan::svg(title, shoulder, spectra, loudest_db)?);
     }
     let what = html! {
         strong { "B-scan: the sound's power density by location and frequency (" (condition.words()) ", first repetition)." }
