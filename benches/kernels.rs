@@ -124,7 +124,7 @@ fn main() -> Result<()> {
         notes: vec![
             format!(
                 "One core, {ROUNDS} rounds of {TURNS} turns each. The fastest turn of a round counts: other work of the host only slows down. \
-                 An untimed call comes before each timed one, but for what is streamed. Simulated taps of the default scan and seed, \
+                 An untimed call comes before each timed one, but for what is streamed. Simulated taps of the dissertation's scan and the default seed, \
                  4 MiB of records a turn."
             ),
             "The seven discriminators of the method with all quality flags, from force and sound of 16 bits. The Python programs \

@@ -170,6 +170,11 @@ impl FuseConfig {
         Self { reference: Some(reference), ..Self::default() }
     }
 
+    /// Whether anything is tapped again before it is judged.
+    pub fn confirms(&self) -> bool {
+        self.confirm_rate > self.re_inspect_rate
+    }
+
     /// Checks every value against its bounds.
     ///
     /// # Errors

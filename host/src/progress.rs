@@ -48,6 +48,14 @@ impl Progress {
         Self { unit, total, last: None, bar, begun_at: now, printed_at: now }
     }
 
+    /// There will be so many more.
+    pub fn more(&mut self, count: u64) {
+        self.total = self.total.map(|total| total + count);
+        if let (Some(bar), Some(total)) = (&self.bar, self.total) {
+            bar.set_length(total);
+        }
+    }
+
     /// Prints something beside the progress.
     pub fn print(&self, text: &str) {
         match &self.bar {

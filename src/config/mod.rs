@@ -110,7 +110,10 @@ impl LineConfig {
 impl Config {
     /// Reads the TOML `text`.
     pub(crate) fn parse(text: &str) -> Result<Self> {
-        parse::parse(text)
+        let mut config: Self = parse::parse(text)?;
+        // No station waits, and no file keeps room, for taps that nobody asks for.
+        config.scan.confirm &= config.fuse.confirms();
+        Ok(config)
     }
 
     /// Reads the file at `path`: the configuration, and its text.
@@ -150,8 +153,8 @@ impl Config {
         };
         let of = |station: &StationConfig| match station.source {
             StationSource::Folder => tap_sets,
-            StationSource::Alsa | StationSource::Uldaq => self.capture.limits(&self.scan.for_line()),
-            StationSource::Rig | StationSource::Simulated => self.scan.for_line().limits(&self.simulation),
+            StationSource::Alsa | StationSource::Uldaq => self.capture.limits(&self.scan),
+            StationSource::Rig | StationSource::Simulated => self.scan.limits(&self.simulation),
         };
         Ok(self.station.iter().map(of).fold(CasingLimits::default(), CasingLimits::and))
     }

@@ -10,6 +10,7 @@ use std::time::Duration;
 
 use anyhow::{Context as _, Result, bail};
 use serde::{Deserialize, Serialize};
+use tapline_acquire::StationSource;
 use tapline_fuse::Reference;
 use tapline_host::atomic_file::{Existing, write_atomically};
 use tapline_host::messages::{counted, say};
@@ -57,11 +58,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
         setup.check_machine()?;
         say_unsupported(&job)?;
         let stop = stop_at_signals()?;
-        let progress = scanning(listed.tap_count, &job.out);
-        if finished > 0 {
-            progress
-                .print(&format!("{finished} of {} are done already", counted(listed.names.len(), "casing", "casings")));
-        }
+        let progress = scanning(&job, &listed, finished);
         let audience = Audience { progress, wires: None, as_json: args.json, show: None };
         operate(&setup, &mut folder, audience, Some(listed.names.len()), stop)?
     };
@@ -69,12 +66,21 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
     summarise(&job, &setup, &listed.names, pace, args.json)
 }
 
-/// Progress of a scan of `tap_count` taps.
-fn scanning(tap_count: usize, out: &Path) -> Progress {
-    let progress = Progress::new(Some(tap_count as u64), Unit::Things("taps"));
-    progress.print(&format!("scanning {} into {}", counted(tap_count, "tap", "taps"), out.display()));
+/// Progress of the scan of `listed`, of which `finished` casings are done.
+fn scanning(job: &Job, listed: &Listed, finished: usize) -> Progress {
+    let progress = Progress::new(Some(listed.tap_count as u64), Unit::Things("taps"));
+    let taps = counted(listed.tap_count, "tap", "taps");
+    let again = if job.taps.is_none() && job.config.scan.confirm { AGAIN } else { "" };
+    progress.print(&format!("scanning {taps}{again}; results go into {}", job.out.display()));
+    if finished > 0 {
+        let casings = counted(listed.names.len(), "casing", "casings");
+        progress.print(&format!("of {casings} {finished} {} done already", if finished == 1 { "is" } else { "are" }));
+    }
     progress
 }
+
+/// What is scanned besides.
+const AGAIN: &str = ", and what stands out again";
 
 /// `tapline line`: casings as they come, until it is asked to stop.
 pub(crate) fn line(args: &LineArgs) -> Result<bool> {
@@ -91,6 +97,12 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     let stop = stop_at_signals()?;
     let progress = Progress::new(None, Unit::Things("taps"));
     progress.print(&format!("waiting for casings; results go into {}", job.out.display()));
+    let scan = &job.config.scan;
+    if job.config.station.iter().any(|station| station.source != StationSource::Folder) {
+        let again = if scan.confirm { AGAIN } else { "" };
+        progress
+            .print(&format!("of a casing {} are made{again}", counted(scan.taps_per_tyre() as usize, "tap", "taps")));
+    }
     shown_at.iter().for_each(|address| progress.print(&format!("the line is shown at {address}")));
     folder.make_unreported()?;
     let (wires, said) = Wires::start(&job.config.line, &setup.limits.stations, &setup.places())?;

@@ -324,8 +324,14 @@ fn an_interrupted_run_is_resumed() {
     }
     assert_eq!(sandbox.left(), Vec::<String>::new());
 
-    let summary = sandbox.run("run --config paced.toml --out paced --json").json(0);
+    let resumed = sandbox.run("run --config paced.toml --out paced --json");
+    let summary = resumed.json(0);
     assert_eq!(summary["pace"]["taps"].as_u64().unwrap(), 328 - archived, "only what was missing is taken");
+    let there = |name: &str| {
+        let line = resumed.err.lines().find_map(|line| line.strip_prefix(&format!("casing {name} goes on: ")));
+        line.and_then(|line| line.strip_suffix(" of 164 taps are there")?.parse::<u64>().ok()).unwrap_or(0)
+    };
+    assert_eq!(there("SIM-0001") + there("SIM-0002"), archived, "{}", resumed.err);
     assert_whole(&sandbox, "paced", &expected);
 
     let again = sandbox.run("run --config paced.toml --out paced --json").json(0);

@@ -1,5 +1,7 @@
 //! A station taps again what stands out, before its casing is judged.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use rustix::process::Signal;
 use tapline_store::{Reader, verify};
 use tapline_wire::{Purpose, TapState};
@@ -15,7 +17,7 @@ use crate::sandbox::stages::{signal, stage};
 fn a_crack_is_tapped_again_before_it_is_judged() {
     let sandbox = Sandbox::new();
     let station = "[[station]]\nnumber = 1\nsource = \"simulated\"\n";
-    let scan = "[scan]\ntap_period_s = 0.4\noffset_change_s = 3.0\n";
+    let scan = "[scan]\noffsets_mm = [0.0, 10.0]\nvelocities_m_per_s = [1.5, 1.85]\nlocations = 60\ntap_period_s = 0.4\noffset_change_s = 3.0\n";
     let head = "[simulation]\nsample_count = 2048\n[fuse]\nreference = \"self\"\n";
     sandbox.write("plant.toml", &format!("{scan}{head}{station}"));
     let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json --casings 2");
@@ -27,9 +29,8 @@ fn a_crack_is_tapped_again_before_it_is_judged() {
     assert!(verify(&file).unwrap().is_complete());
     let reader = Reader::open(&file).unwrap();
     let plan = reader.plan();
-    // One turn at the belt edge, closed, on both shoulders.
-    assert_eq!(plan.begun().taps().len(), 2 * 101);
-    assert!(plan.taps().iter().all(|tap| tap.id.offset_mm() == Some(0.0)));
+    // A closed turn at each offset and velocity, on both shoulders.
+    assert_eq!(plan.begun().taps().len(), 2 * 2 * 2 * 61);
     let is = |purpose| plan.added().iter().filter(move |tap| tap.purpose == purpose).count();
     assert!(
         is(Purpose::Suspect) > 0 && is(Purpose::Control) >= 24,
@@ -37,7 +38,15 @@ fn a_crack_is_tapped_again_before_it_is_judged() {
         is(Purpose::Suspect),
         is(Purpose::Control)
     );
-    assert!(plan.taps().iter().all(|tap| tap.id.velocity_m_per_s() == Some(1.85)));
+    // A place is tapped again where it stands out most, at one offset, and there with both velocities.
+    let of_suspects = || plan.added().iter().filter(|tap| tap.purpose == Purpose::Suspect).map(|tap| tap.id);
+    let with = |velocity| of_suspects().filter(|id| id.velocity_m_per_s() == Some(velocity)).count();
+    assert_eq!((with(1.5), with(1.85)), (of_suspects().count() / 2, of_suspects().count() / 2));
+    let mut offsets: BTreeMap<(u16, u32), BTreeSet<String>> = BTreeMap::new();
+    for id in of_suspects() {
+        offsets.entry((id.shoulder, id.location)).or_default().insert(format!("{:?}", id.offset_mm()));
+    }
+    assert!(offsets.values().all(|offsets| offsets.len() == 1), "{offsets:?}");
     assert!(reader.ledger().taps().iter().all(|&state| state == TapState::Archived));
     let (judgement, _) = reader.judgements().unwrap()[0].clone().unwrap();
     assert!(judgement.first_strongest_arc.is_finite() && judgement.strongest_arc >= judgement.limit_reject);

@@ -7,7 +7,7 @@ use tapline_testing::documents::{csv_rows, text};
 use crate::sandbox::Sandbox;
 use crate::sandbox::archives::finished;
 
-const SCAN: &str = "[scan]\noffsets_mm = [0.0, 10.0]\nvelocities_m_per_s = [1.5]\nshoulders = 2\n";
+const SCAN: &str = "[scan]\noffsets_mm = [0.0, 10.0]\nvelocities_m_per_s = [1.5]\nrepetitions = 2\n";
 
 /// Two sound tyres and a cracked one, for a separate run.
 fn tyres(prefix: &str, cracked: bool) -> String {

@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::process::Stdio;
 
+use tapline_store::Reader;
+
 use crate::sandbox::Sandbox;
 use crate::sandbox::archives::{Contents, assert_same_casings, bend, casings, finished, table_bytes};
 use tapline_testing::documents::csv_rows;
@@ -32,6 +34,27 @@ fn scanned() -> Sandbox {
     let sandbox = Sandbox::new();
     sandbox.write("scan.toml", SCAN);
     sandbox
+}
+
+/// Catches a run that by default makes other taps than one turn at the belt edge and a second reading, and progress beyond its end.
+#[test]
+fn a_run_taps_once_around_and_what_stands_out_again() {
+    let sandbox = Sandbox::new();
+    sandbox.write("slow.toml", "[acquire]\ntaps_per_s = 18.0\n");
+    let done = sandbox.run("run --config slow.toml --out run --json");
+    let summary = done.json(0);
+    assert!(done.err.contains("scanning 202 taps, and what stands out again;"), "{}", done.err);
+    let made = summary["archived"].as_u64().unwrap();
+    assert_eq!(summary["verdicts"][0]["verdict"], "REJECT");
+    let reader = Reader::open(sandbox.path("run/SIM-0001.h5")).unwrap();
+    assert_eq!((reader.plan().begun().taps().len(), reader.plan().taps().len() as u64), (202, made));
+    assert!(made > 202 + 24, "{made}");
+    let shown = done.err.lines().filter(|line| line.contains(" taps/s, ")).map(|line| {
+        let words: Vec<&str> = line.split(' ').collect();
+        (words[0].parse::<u64>().unwrap(), words[2].parse::<u64>().unwrap())
+    });
+    let shown: Vec<_> = shown.collect();
+    assert!(!shown.is_empty() && shown.iter().all(|(done, total)| done <= total && *total <= made), "{shown:?}");
 }
 
 #[test]

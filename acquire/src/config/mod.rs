@@ -9,7 +9,7 @@ use tapline_wire::{CasingLimits, RETAKES_MAX, Serial};
 
 use crate::Error;
 
-/// Most taps of a simulated scan, some two thousand tyres: the plan is held in memory, 130 bytes or so a tap.
+/// Most taps of simulated tyres, those tapped again among them.
 const TAPS_MAX: u64 = 10_000_000;
 
 /// Fastest impact that is simulated; at 1000 m/s the contact model means nothing.
@@ -52,7 +52,7 @@ impl AcquireConfig {
     }
 }
 
-/// What the simulated line scans and how (section 4 of the method): the table `[scan]`.
+/// What is tapped on a casing, and the simulated tyres: the table `[scan]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ScanConfig {
@@ -173,9 +173,9 @@ impl ScanConfig {
         if self.tyre.is_empty() { usize::from(self.stations) } else { self.tyre.len() }
     }
 
-    /// Taps of the whole scan.
+    /// Most taps of the whole scan.
     fn tap_count(&self) -> u128 {
-        (self.tyre_count() as u128).saturating_mul(self.taps_of_tyre())
+        (self.tyre_count() as u128).saturating_mul(self.taps_of_tyre().saturating_add(self.room().into()))
     }
 
     fn taps_of_tyre(&self) -> u128 {
@@ -202,7 +202,7 @@ impl ScanConfig {
         turns
     }
 
-    /// The scan of a line: its stations are those of its configuration, not so many as a run is given.
+    /// The same for a line, with as many stations as its tyres name: those of a line are in its configuration.
     pub fn for_line(&self) -> Self {
         let stations = self.tyre.iter().fold(self.stations, |most, tyre| most.max(tyre.station));
         Self { stations, ..self.clone() }
@@ -217,8 +217,8 @@ impl ScanConfig {
         self.locations.saturating_mul(self.shoulders.into()).saturating_mul(turns)
     }
 
-    /// Taps of one tyre.
-    pub(crate) fn taps_per_tyre(&self) -> u64 {
+    /// Taps of one tyre, without those that are made again.
+    pub fn taps_per_tyre(&self) -> u64 {
         u64::try_from(self.taps_of_tyre()).unwrap_or(u64::MAX)
     }
 
@@ -315,7 +315,7 @@ mod tests {
         assert_eq!(scan("").unwrap(), config);
         assert_eq!(scan(&toml::to_string(&config).unwrap()).unwrap(), config);
         AcquireConfig::default().validate().unwrap();
-        assert_eq!(config.tap_count(), 202);
+        assert_eq!(config.tap_count(), 202 + 200);
     }
 
     /// Catches a value that is let through, or refused without its key, value and bound.
@@ -335,7 +335,7 @@ mod tests {
             ("start_ns = -1", "scan.start_ns is -1"),
             (
                 "locations = 999999\nstations = 60000",
-                "scan: the number of taps is 120000000000; it must be at most 10000000",
+                "scan: the number of taps is 239999880000; it must be at most 10000000",
             ),
             ("[[tyre]]\nserial = \"\"", "scan.tyre[0].serial is \"\""),
             ("[[tyre]]\nserial = \"A\"\n[[tyre]]\nserial = \"A\"", "scan.tyre[1].serial is \"A\"; it must be another"),

@@ -9,7 +9,7 @@ fn simulation() -> SimulationConfig {
     SimulationConfig { sample_count: 1024, ..SimulationConfig::default() }
 }
 
-/// Five tyres over two stations, mixed, with three short turns each.
+/// Five tyres over two stations, mixed, with a short turn around each shoulder.
 fn scan() -> ScanConfig {
     let tyre = |(serial, station): (&str, u16)| {
         let crack = tapline_model::plant_cracks(5, serial, 12, u32::from(station % 2));
@@ -108,4 +108,16 @@ fn tyres_without_a_list_go_on() {
     let mut again = casings(of(3, Some(1)));
     assert_eq!(tap_of(&mut *three[2].taps, 0, 0), tap_of(&mut *again[0].taps, 0, 0));
     assert_ne!(tap_of(&mut *three[0].taps, 0, 0), tap_of(&mut *again[0].taps, 0, 0));
+}
+
+/// Catches a tyre that has no room for its second reading, or room for one that is not made.
+#[test]
+fn there_is_room_for_what_is_tapped_again() {
+    let twice = ScanConfig { velocities_m_per_s: vec![1.5, 1.85], repetitions: 2, confirm: true, ..scan() };
+    let list = listed_simulated(&twice, &simulation()).unwrap();
+    let (_, _, plan) = list.listed().next().unwrap().unwrap();
+    // At one offset, as often as the scan taps there.
+    let room = 2 * 12 * 2 * 2;
+    let limits = CasingLimits { room, taps: plan.taps().len() + room, ..CasingLimits::from_plan(&plan) };
+    assert_eq!(list.limits(), limits);
 }

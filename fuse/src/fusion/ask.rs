@@ -36,7 +36,7 @@ impl Fusion {
     /// [`Error::NoSuchScan`].
     pub fn wanted(&mut self, scan: usize, room: usize) -> Result<Vec<PlannedTap>, Error> {
         self.check(scan)?;
-        if room == 0 || self.config.confirm_rate <= self.config.re_inspect_rate {
+        if room == 0 || !self.config.confirms() {
             return Ok(Vec::new());
         }
         // A casing that was taken away, or lacks taps for another reason, does not pass whatever a second reading says.

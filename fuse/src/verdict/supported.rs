@@ -24,7 +24,17 @@ pub fn unsupported(config: &FuseConfig, set: Option<&ReferenceSet>) -> Vec<Strin
         let names = set.summary.standing_out.join(", ");
         format!("reference: {names} may be cracked: what stands out from the other casings makes the limits too wide for cracks")
     });
-    rates.chain(level).chain(standing_out).collect()
+    rates.chain(level).chain(standing_out).chain(set.and_then(tapped_once)).collect()
+}
+
+/// What the reference `set` cannot tell if its places were tapped once; for people to read.
+pub fn tapped_once(set: &ReferenceSet) -> Option<String> {
+    let is_once = set.shoulders.iter().all(|shoulder| shoulder.turns.iter().all(|turn| turn.repetition == 0));
+    is_once.then(|| {
+        "reference: its places were tapped once, which does not tell how far taps of one place differ, so that more sound shoulders may \
+         not be passed than stated; scan sound casings with scan.repetitions = 2"
+            .to_owned()
+    })
 }
 
 fn remark(casing_count: usize, name: &str, rate: f64) -> Option<String> {

@@ -50,14 +50,20 @@ pub struct Judged {
     pub is_cracked: Vec<bool>,
 }
 
-/// The reference that the first `casings` of `set` make, tapped as a scan by `taps` taps: on every location, and twice where
-/// taps are made again.
+/// The reference that the first `casings` of `set` make, scanned as by `taps`, but on every location, and with `turns` at each offset and
+/// velocity; where that is left out as often as `taps` does, and twice as often if it taps again.
 ///
 /// # Errors
 /// If the set has not all of these taps.
-pub fn reference(config: &FuseConfig, set: &Set, casings: usize, taps: &ScanTaps) -> Result<Arc<ReferenceSet>> {
+pub fn reference(
+    config: &FuseConfig,
+    set: &Set,
+    casings: usize,
+    taps: &ScanTaps,
+    turns: Option<u16>,
+) -> Result<Arc<ReferenceSet>> {
     let shape = taps.shape(&set.shape);
-    let full = ScanTaps::full(&shape.offsets_mm, &shape.velocities_m_per_s, shape.repetitions);
+    let full = ScanTaps::full(&shape.offsets_mm, &shape.velocities_m_per_s, turns.unwrap_or(shape.repetitions));
     let (plan, records) = set.part(0..casings, &full, Scene::SoundSmooth)?;
     let shoulders = (0..plan.scans().len()).map(|scan| KnownShoulder::of(&plan, &records, scan, None));
     let built = Built { config: config.clone(), lineage: Vec::new(), process: String::new(), learns_directions: false };

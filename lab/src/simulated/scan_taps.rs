@@ -48,7 +48,7 @@ impl ScanTaps {
         Self { turns: steps.iter().map(turn).collect(), is_confirmed: false }
     }
 
-    /// What `tapline line` makes by default: one turn at the belt edge, and what stands out again.
+    /// What tapline makes by default: one turn at the belt edge, and what stands out again.
     pub fn adaptive(velocity_m_per_s: f64) -> Self {
         Self::coarse(&[(0.0, 1)], velocity_m_per_s).confirmed()
     }

@@ -72,6 +72,8 @@ struct Open {
     name: String,
     header: CasingHeader,
     layout: Layout,
+    /// Taps of a second reading in its plan.
+    again: usize,
     /// `None` until one is received.
     ledger: Option<Ledger>,
 }
@@ -212,14 +214,20 @@ impl<'a> Supervisor<'a> {
             let number = header.stamp.casing;
             match record.kind() {
                 Some(RecordKind::Plan) => {
-                    let (name, layout) = match decode_opened(&record) {
-                        Ok((name, taps)) => (name, Layout::new(&taps)),
-                        Err(error) => (error.to_string(), Layout::default()),
+                    let (name, layout, again) = match decode_opened(&record) {
+                        Ok((name, taps)) => {
+                            (name, Layout::new(&taps), taps.iter().filter(|tap| tap.is_second_reading()).count())
+                        }
+                        Err(error) => (error.to_string(), Layout::default(), 0),
                     };
                     // It comes again after `store` was restarted, and when the plan has grown.
                     match self.open.iter_mut().find(|casing| casing.number == number) {
-                        Some(casing) => casing.layout = layout,
+                        Some(casing) => {
+                            self.audience.progress.more((again.saturating_sub(casing.again)) as u64);
+                            (casing.layout, casing.again) = (layout, again);
+                        }
                         None => {
+                            self.audience.progress.more(again as u64);
                             let station = u16::try_from(header.station).unwrap_or(u16::MAX);
                             self.audience.wires.iter().for_each(|wires| wires.opened(station));
                             self.settled_before += header.settled_before_count as usize;
@@ -227,7 +235,7 @@ impl<'a> Supervisor<'a> {
                                 let there = format!("{} of {}", header.settled_before_count, header.tap_count);
                                 self.audience.progress.print(&format!("casing {name} goes on: {there} taps are there"));
                             }
-                            self.open.push(Open { number, name, header, layout, ledger: None });
+                            self.open.push(Open { number, name, header, layout, again, ledger: None });
                         }
                     }
                 }

@@ -164,7 +164,11 @@ impl Evidence {
         };
         let mut tyres: Vec<Tyre> = Vec::new();
         for (number, (scan, judged)) in plan.scans().iter().zip(reader.judgements()?).enumerate() {
-            let places = Places::of_scan(plan.geometry, scan);
+            // A casing of which an angle is not known is drawn by its locations, all shoulders alike.
+            let mut located =
+                plan.scans().iter().filter(|other| other.tyre == scan.tyre).flat_map(|scan| &scan.locations);
+            let has_angles = located.all(|(_, angle_deg)| angle_deg.is_some());
+            let places = Places::of_scan(plan.geometry == Geometry::Ring && has_angles, scan);
             let taps = scan.taps.iter().map(|&row| tap(row, &places)).collect();
             let state = reader.ledger().scans()[number];
             let mut shoulder = shoulder(reader, scan, &places, judged, state, taps);
@@ -265,9 +269,7 @@ struct Places {
 }
 
 impl Places {
-    fn of_scan(geometry: Geometry, scan: &Scan) -> Self {
-        // A ring whose angles are not known is drawn by its locations.
-        let is_round = geometry == Geometry::Ring && scan.locations.iter().all(|(_, angle_deg)| angle_deg.is_some());
+    fn of_scan(is_round: bool, scan: &Scan) -> Self {
         let place = |&(location, angle_deg): &(u32, Option<f64>)| {
             (location, angle_deg.filter(|_| is_round).unwrap_or(f64::from(location)))
         };
@@ -291,7 +293,7 @@ impl Tyre {
         self.shoulders.iter().map(|shoulder| shoulder.verdict).max().unwrap_or(Verdict::ReInspect)
     }
 
-    /// Whether the angles of all of its shoulders are known.
+    /// Whether the places of its shoulders are angles around a ring.
     pub(crate) fn is_round(&self) -> bool {
         self.shoulders.iter().all(|shoulder| shoulder.is_round)
     }

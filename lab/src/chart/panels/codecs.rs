@@ -43,8 +43,7 @@ struct Taps {
 }
 
 fn measure(bench: &Bench) -> Result<Panel> {
-    let scan =
-        ScanConfig { seed: bench.seed, offsets_mm: vec![0.0], velocities_m_per_s: vec![1.85], ..ScanConfig::default() };
+    let scan = ScanConfig { seed: bench.seed, ..ScanConfig::default() };
     let mut line = SimulatedLine::new(&scan, &SimulationConfig::default())?;
     let mut table = Table::new(
         "codecs",

@@ -169,8 +169,7 @@ pub(in crate::chart::panels) fn costs(bench: &Bench, heard: &[Heard]) -> Result<
 
 /// Records as a rig would make them that records no more than `heard` reads.
 fn taps(bench: &Bench, heard: &Heard) -> Result<Vec<Tap>> {
-    let scan =
-        ScanConfig { seed: bench.seed, offsets_mm: vec![0.0], velocities_m_per_s: vec![1.85], ..ScanConfig::default() };
+    let scan = ScanConfig { seed: bench.seed, ..ScanConfig::default() };
     let simulation = SimulationConfig {
         sample_rate_hz: heard.rate_hz,
         sample_count: u32::try_from(heard.sample_count())?,
