@@ -36,6 +36,9 @@ pub struct KnownShoulder {
     pub is_cracked: Option<Vec<bool>>,
     /// Its taps, turn by turn.
     pub turns: Vec<Turn>,
+    /// Its second readings of places that did not stand out: they tell how far taps of one place differ, and nothing else.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub controls: Vec<Turn>,
 }
 
 /// The taps of one shoulder at one offset, velocity and repetition; by location, `None` where nothing came.
@@ -84,7 +87,8 @@ impl KnownShoulder {
             angles_deg: planned.locations.iter().map(|&(_, angle)| angle.filter(|a| a.is_finite())).collect(),
             closing_location: closing.next().map(|tap| tap.id.location),
             is_cracked: labels,
-            turns: turns_of(plan, planned, records),
+            turns: turns_of(plan, planned, records, Purpose::Scan),
+            controls: turns_of(plan, planned, records, Purpose::Control),
         })
     }
 
@@ -105,11 +109,8 @@ impl KnownShoulder {
         let is_kept = |place: &usize| self.geometry == Geometry::Line || all.contains(&self.locations[*place]);
         let kept: Vec<usize> = (0..self.locations.len()).filter(is_kept).collect();
         let located: Vec<(u32, Option<f64>)> = kept.iter().map(|&k| (self.locations[k], self.angles_deg[k])).collect();
-        let mut turns: Vec<(usize, &Turn)> = self
-            .turns
-            .iter()
-            .filter_map(|turn| Some((pattern.conditions.number(&self.tap_id(turn)?)?, turn)))
-            .collect();
+        let number = |turn| Some((pattern.conditions.number(&self.tap_id(turn)?)?, turn));
+        let mut turns: Vec<(usize, &Turn)> = self.turns.iter().filter_map(number).collect();
         turns.sort_by_key(|(condition, turn)| (*condition, turn.repetition));
         let mut shoulder = Shoulder {
             ring: Ring::of(self.geometry, &located, self.closing_location),
@@ -121,22 +122,30 @@ impl KnownShoulder {
             },
             repeats: Vec::new(),
         };
+        // The values of `turn` at the `locations` that the scan has.
+        let values = |condition: usize, turn: &Turn, locations: &[u32]| {
+            let value = |&place: &usize| {
+                let location = &self.locations[place];
+                let measured = turn.velocities_measured_m_per_s[place].unwrap_or(f64::NAN);
+                match self.geometry == Geometry::Line || locations.binary_search(location).is_ok() {
+                    true => normalisation.applied(turn.at(place), turn.velocity_m_per_s, measured),
+                    false => Values::default(),
+                }
+            };
+            shoulder::Turn::new(condition, kept.iter().map(value).collect())
+        };
         for same in turns.chunk_by(|a, b| a.0 == b.0) {
             for (rank, &(condition, turn)) in same.iter().enumerate() {
                 // More repetitions than the scan has are cut to the places of its first.
                 let of_rank = pattern.locations(condition, rank);
                 let Some(locations) = of_rank.or_else(|| pattern.locations(condition, 0)) else { continue };
-                let value = |&place: &usize| {
-                    let location = &self.locations[place];
-                    let measured = turn.velocities_measured_m_per_s[place].unwrap_or(f64::NAN);
-                    match self.geometry == Geometry::Line || locations.binary_search(location).is_ok() {
-                        true => normalisation.applied(turn.at(place), turn.velocity_m_per_s, measured),
-                        false => Values::default(),
-                    }
-                };
-                let values = kept.iter().map(value).collect();
                 let turns = if of_rank.is_some() { &mut shoulder.turns } else { &mut shoulder.repeats };
-                turns.push(shoulder::Turn::new(condition, values));
+                turns.push(values(condition, turn, locations));
+            }
+        }
+        for (condition, turn) in self.controls.iter().filter_map(number) {
+            if let Some(locations) = pattern.locations(condition, 0) {
+                shoulder.repeats.push(values(condition, turn, locations));
             }
         }
         shoulder
@@ -155,20 +164,22 @@ impl KnownShoulder {
         let lengths = [self.angles_deg.len(), self.is_cracked.as_ref().map_or(count, Vec::len)];
         let columns =
             |turn: &Turn| turn.values.values().map(Vec::len).chain([turn.velocities_measured_m_per_s.len()]).collect();
-        let in_turns: Vec<usize> = self.turns.iter().flat_map(|turn| -> Vec<usize> { columns(turn) }).collect();
+        let all_turns = || self.turns.iter().chain(&self.controls);
+        let in_turns: Vec<usize> = all_turns().flat_map(|turn| -> Vec<usize> { columns(turn) }).collect();
         if let Some(other) = lengths.into_iter().chain(in_turns).find(|&length| length != count) {
             return Some(format!("{} has {count} locations, and a column of {other}", name()));
         }
         let is_known = |column: &String| Discriminator::ALL.iter().any(|d| d.column() == column);
-        if let Some(column) = self.turns.iter().flat_map(|t| t.values.keys()).find(|c| !is_known(c)) {
+        if let Some(column) = all_turns().flat_map(|t| t.values.keys()).find(|c| !is_known(c)) {
             return Some(format!("{} has a column {column:?}, which is no discriminator", name()));
         }
-        let unnamed = self.turns.iter().find(|turn| self.tap_id(turn).is_none())?;
+        let unnamed = all_turns().find(|turn| self.tap_id(turn).is_none())?;
         Some(format!("{} has a turn at {:?} mm and {:?} m/s", name(), unnamed.offset_mm, unnamed.velocity_m_per_s))
     }
 }
 
-fn turns_of(plan: &Plan, planned: &Scan, records: &[Discriminators]) -> Vec<Turn> {
+/// What came of the taps for `purpose`, turn by turn.
+fn turns_of(plan: &Plan, planned: &Scan, records: &[Discriminators], purpose: Purpose) -> Vec<Turn> {
     let is_of_use = |record: &&Discriminators| {
         !record.quality.contains(Quality::REFUSED) && !record.quality.contains(Quality::RETAKE)
     };
@@ -179,7 +190,7 @@ fn turns_of(plan: &Plan, planned: &Scan, records: &[Discriminators]) -> Vec<Turn
     for &row in &planned.taps {
         let tap = &plan.taps()[row as usize];
         let place = planned.locations.binary_search_by_key(&tap.id.location, |&(location, _)| location);
-        let (Some(record), Ok(place), Purpose::Scan) = (by_row.get(&row), place, tap.purpose) else { continue };
+        let (Some(record), Ok(place), true) = (by_row.get(&row), place, tap.purpose == purpose) else { continue };
         let velocity_m_per_s = plan.velocity_nominal_m_per_s(row);
         let bits = |of: Option<f64>| of.map(f64::to_bits);
         let key = (bits(tap.id.offset_mm()), bits(velocity_m_per_s), tap.id.repetition);

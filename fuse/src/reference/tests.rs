@@ -272,7 +272,7 @@ fn a_reference_is_cut_to_the_locations_of_the_scan() {
 }
 
 #[test]
-fn repetitions_of_a_reference_tell_what_stays_with_a_place() {
+fn places_tapped_twice_tell_what_stays_with_a_place() {
     // Catches a second tap of a place that counts as if half of the scatter stayed with the place, where the reference knows that
     // none does.
     let of_taps = Casing { location_sd: 0.0, smooth: 0.0, offsets_mm: vec![0.0], ..Casing::default() };
@@ -299,6 +299,17 @@ fn repetitions_of_a_reference_tell_what_stays_with_a_place() {
     let (supposed, told) = (peak_by(&set_of(1)), peak_by(&set_of(3)));
     // Two taps of which half stays: 1 / sqrt(0.75); of which nothing stays: 1 / sqrt(0.5).
     assert!(told > 1.1 * supposed, "{told} {supposed}");
+    // The same by the controls of second readings, each fourth place.
+    let mut shoulders = set_of(2).shoulders;
+    for shoulder in &mut shoulders {
+        let mut controls = shoulder.turns.split_off(1);
+        for column in controls[0].values.values_mut() {
+            column.iter_mut().enumerate().filter(|(place, _)| place % 4 != 0).for_each(|(_, value)| *value = None);
+        }
+        shoulder.controls = controls;
+    }
+    let by_controls = peak_by(&build_reference(&built(file()), shoulders).unwrap());
+    assert!(by_controls > 1.1 * supposed, "{by_controls} {supposed}");
 }
 
 /// `count` sound casings of two shoulders, A0, A1, ...

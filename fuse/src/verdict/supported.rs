@@ -1,7 +1,7 @@
 //! Which rates of false calls a reference supports.
 
 use crate::verdict::whole_shoulder::CASINGS_MIN;
-use crate::{FuseConfig, Reference, ReferenceSet};
+use crate::{FuseConfig, KnownShoulder, Reference, ReferenceSet};
 
 /// The least rate of false calls that `casing_count` casings support without assuming a distribution; `None` of fewer than two.
 pub(crate) fn supported_rate(casing_count: usize) -> Option<f64> {
@@ -27,12 +27,14 @@ pub fn unsupported(config: &FuseConfig, set: Option<&ReferenceSet>) -> Vec<Strin
     rates.chain(level).chain(standing_out).chain(set.and_then(tapped_once)).collect()
 }
 
-/// What the reference `set` cannot tell if its places were tapped once; for people to read.
+/// What the reference `set` cannot tell if none of its places was tapped twice; for people to read.
 pub fn tapped_once(set: &ReferenceSet) -> Option<String> {
-    let is_once = set.shoulders.iter().all(|shoulder| shoulder.turns.iter().all(|turn| turn.repetition == 0));
-    is_once.then(|| {
-        "reference: its places were tapped once, which does not tell how far taps of one place differ, so that more sound shoulders may \
-         not be passed than stated; scan sound casings with scan.repetitions = 2"
+    let has_repeats = |shoulder: &KnownShoulder| {
+        !shoulder.controls.is_empty() || shoulder.turns.iter().any(|turn| turn.repetition > 0)
+    };
+    (!set.shoulders.iter().any(has_repeats)).then(|| {
+        "reference: none of its places was tapped twice, so that it does not tell how far taps of one place differ, and more sound shoulders \
+         may not be passed than stated: scan more sound casings, or with scan.repetitions = 2"
             .to_owned()
     })
 }

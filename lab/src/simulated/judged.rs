@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use anyhow::{Context as _, Result};
-use tapline_fuse::{Built, FuseConfig, Fusion, KnownShoulder, ReferenceSet, build_reference};
+use tapline_fuse::{Built, FuseConfig, Fusion, KnownShoulder, Reference, ReferenceSet, build_reference};
 use tapline_wire::{Discriminator, Discriminators, Plan, Reasons};
 
 use super::scan_taps::{ScanTaps, Times};
@@ -51,7 +51,7 @@ pub struct Judged {
 }
 
 /// The reference that the first `casings` of `set` make, scanned as by `taps`, but on every location, and with `turns` at each offset and
-/// velocity; where that is left out as often as `taps` does, and twice as often if it taps again.
+/// velocity, where these are given. Where `taps` are made again, so are theirs, each casing by itself.
 ///
 /// # Errors
 /// If the set has not all of these taps.
@@ -63,8 +63,14 @@ pub fn reference(
     turns: Option<u16>,
 ) -> Result<Arc<ReferenceSet>> {
     let shape = taps.shape(&set.shape);
-    let full = ScanTaps::full(&shape.offsets_mm, &shape.velocities_m_per_s, turns.unwrap_or(shape.repetitions));
-    let (plan, records) = set.part(0..casings, &full, Scene::SoundSmooth)?;
+    let own = shape.repetitions / if taps.is_confirmed { 2 } else { 1 };
+    let full = ScanTaps::full(&shape.offsets_mm, &shape.velocities_m_per_s, turns.unwrap_or(own));
+    let (mut plan, mut records) = set.part(0..casings, &full, Scene::SoundSmooth)?;
+    if taps.is_confirmed && turns.is_none() {
+        let by_itself = FuseConfig { reference: Some(Reference::Own), ..config.clone() };
+        let judging = Judging { config: by_itself, reference: None, taps: full, times: Times::default() };
+        (plan, records) = judging.again(set, plan, records)?;
+    }
     let shoulders = (0..plan.scans().len()).map(|scan| KnownShoulder::of(&plan, &records, scan, None));
     let built = Built { config: config.clone(), lineage: Vec::new(), process: String::new(), learns_directions: false };
     let shoulders: Option<Vec<_>> = shoulders.collect();
@@ -77,22 +83,27 @@ pub fn reference(
 /// Those of the fusion, and if the set has not all taps.
 pub fn judge(judging: &Judging, set: &Set, casings: Range<usize>, scene: Scene) -> Result<Vec<Judged>> {
     let (mut plan, mut records) = set.part(casings, &judging.taps, scene)?;
-    let mut fusion = judging.fusion(&plan, &records)?;
     if judging.taps.is_confirmed {
-        let mut wanted = Vec::new();
-        for casing in (0..plan.scans().len()).step_by(2) {
-            wanted.extend(fusion.wanted(casing, usize::MAX)?);
-        }
-        records.extend(set.again(&wanted, &plan)?);
-        plan = plan.grown(&wanted)?;
-        fusion = judging.fusion(&plan, &records)?;
+        (plan, records) = judging.again(set, plan, records)?;
     }
+    let mut fusion = judging.fusion(&plan, &records)?;
     let both_count = scene.is_sound() && !scene.changes_a_turn();
     let wanted = plan.scans().iter().enumerate().filter(|(_, scan)| both_count || scan.shoulder == 1);
     wanted.map(|(number, _)| judging.judged(&mut fusion, &plan, &records, number)).collect()
 }
 
 impl Judging {
+    /// `plan` and `records` of a part of `set`, with the taps that stand out made again.
+    fn again(&self, set: &Set, plan: Plan, mut records: Vec<Discriminators>) -> Result<(Plan, Vec<Discriminators>)> {
+        let mut fusion = self.fusion(&plan, &records)?;
+        let mut wanted = Vec::new();
+        for casing in (0..plan.scans().len()).step_by(2) {
+            wanted.extend(fusion.wanted(casing, usize::MAX)?);
+        }
+        records.extend(set.again(&wanted, &plan)?);
+        Ok((plan.grown(&wanted)?, records))
+    }
+
     /// The fusion that has had all of `records`.
     fn fusion(&self, plan: &Plan, records: &[Discriminators]) -> Result<Fusion> {
         let mut fusion = Fusion::by(&self.config, plan, self.reference.clone())?;

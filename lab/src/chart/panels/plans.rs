@@ -183,9 +183,9 @@ fn notes(bench: &Bench) -> Vec<String> {
     };
     vec![
         format!(
-            "Each simulator, population ({populations}) and seed has its own casings. {} sound ones make the reference, tapped at the \
-             plan's offsets and velocities, and twice at each place by plans that tap again; {} sound ones are judged. {} have faint cracks: 12 to 20 mm deep, 10 to 20 mm long, 1 to 4 locations. {} have strong ones: 3 to 12 mm, 20 to 25 mm, 3 to \
-             10 locations. {mix}",
+            "Each simulator, population ({populations}) and seed has its own casings. {} sound ones make the reference, scanned \
+             likewise, but at every location; {} sound ones are judged. {} have faint cracks: 12 to 20 mm deep, 10 to 20 mm long, 1 to 4 \
+             locations. {} have strong ones: 3 to 12 mm, 20 to 25 mm, 3 to 10 locations. {mix}",
             casings.reference, casings.sound, casings.cracked, casings.cracked
         ),
         "0.4 s from tap to tap, 3 s to another offset, both shoulders at once. A tap period of 0.25 s, which records of 0.05 s allow, \
