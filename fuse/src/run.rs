@@ -5,8 +5,8 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tapline_wire::{
     AskTopic, CasingTopic, DamageCell, DamageTopic, Discriminators, Judgement, Ledger, Line, LineError, Plan,
-    PlannedTap, Publisher, Reasons, Received, RecordKind, ScanState, SettledTopic, Stamp, Subscriber, Verdict,
-    encode_taps,
+    PlannedTap, Publisher, Reasons, Received, RecordKind, ScanState, SettledTopic, Stamp, Subscriber, TapState,
+    Verdict, encode_taps,
 };
 
 use crate::{Error, Fusion};
@@ -80,6 +80,8 @@ struct OpenCasing {
     has_asked: bool,
     /// `None` where it cannot be judged.
     fusion: Option<Fusion>,
+    /// Of one that cannot be judged.
+    ledger: Option<Ledger>,
     states: Vec<ScanState>,
     /// For each scan, whether its verdict was sent to the `store` that there is.
     is_judged: Vec<bool>,
@@ -146,6 +148,7 @@ impl StageLoop<'_> {
                         fusion.end(scan)?;
                     }
                 }
+                casing.ledger = Some(ledger).filter(|_| casing.fusion.is_none());
             }
             Some(RecordKind::Closed) => drop(place.map(|place| self.open.swap_remove(place))),
             _ => {}
@@ -166,6 +169,7 @@ impl StageLoop<'_> {
             room,
             has_asked: false,
             fusion: fusion.ok(),
+            ledger: None,
             states: vec![ScanState::Open; scan_count],
             is_judged: vec![false; scan_count],
         }
@@ -214,7 +218,7 @@ impl StageLoop<'_> {
                 }
                 let (mut judgement, cells) = match &mut casing.fusion {
                     Some(fusion) => fusion.judge(scan)?,
-                    None => unjudged(&casing.plan, scan),
+                    None => unjudged(&casing.plan, casing.ledger.as_ref(), scan),
                 };
                 judgement.stamp = Stamp { casing: casing.number, mark: scan as u64, ..Stamp::default() };
                 self.verdicts.send(RecordKind::Data, judgement, &cells)?;
@@ -232,12 +236,18 @@ impl StageLoop<'_> {
 }
 
 /// The verdict on a scan that cannot be judged, for one because the reference has nothing in common with it.
-fn unjudged(plan: &Plan, scan: usize) -> (Judgement, Vec<DamageCell>) {
+fn unjudged(plan: &Plan, ledger: Option<&Ledger>, scan: usize) -> (Judgement, Vec<DamageCell>) {
     let planned = &plan.scans()[scan];
+    let count = |state: TapState| {
+        let is_so = |row: &&u32| ledger.is_some_and(|ledger| ledger.taps()[**row as usize] == state);
+        u32::try_from(planned.taps.iter().filter(is_so).count()).unwrap_or(u32::MAX)
+    };
     let judgement = Judgement {
         verdict: Verdict::ReInspect.code(),
         reasons: Reasons::NO_INDEX,
         planned_count: u32::try_from(planned.taps.len()).unwrap_or(u32::MAX),
+        received_count: count(TapState::Archived),
+        refused_count: count(TapState::Refused),
         ..Judgement::default()
     };
     let cell = |&(location, angle_deg): &(u32, Option<f64>)| DamageCell {

@@ -55,6 +55,17 @@ impl Fusions {
         tapline_fuse::unsupported(&self.fuse, self.set.as_deref())
     }
 
+    /// What of `plan` the reference has no taps to compare with, for people to read.
+    pub(crate) fn remark_on_conditions(&self, plan: &Plan) -> Option<String> {
+        let lacking = self.set.as_ref()?.lacks(plan);
+        (!lacking.is_empty()).then(|| {
+            format!(
+                "the reference has no taps at {}: a shoulder that is tapped there does not pass (condition_unknown)",
+                lacking.join("; ")
+            )
+        })
+    }
+
     /// The fusion of the taps of `plan`, if they are recorded and analysed like those of the reference.
     pub(crate) fn check(&self, plan: &Plan) -> Result<Fusion> {
         check_record_s(&self.process, &plan.recording)?;

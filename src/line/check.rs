@@ -82,7 +82,10 @@ pub(super) fn check_line(job: &Job) -> Result<Setup> {
     for plan in setup.plans_of_stations(job)? {
         remark_on_bands(process, &plan.recording).iter().for_each(|text| tracing::warn!("{text}"));
         match fuse.reference {
-            Some(_) => drop(fusions.check(&plan)?),
+            Some(_) => {
+                drop(fusions.check(&plan)?);
+                fusions.remark_on_conditions(&plan).iter().for_each(|text| tracing::warn!("{text}"));
+            }
             None => check_record_s(process, &plan.recording)?,
         }
     }

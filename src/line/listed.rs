@@ -31,7 +31,9 @@ impl Listed {
             }
             ensure!(known.insert(name.clone()), "two casings are called {name}: each needs a name of its own");
             if listed.names.is_empty() {
-                remark_on_bands(&job.config.process, &plan.recording).iter().for_each(|text| tracing::warn!("{text}"));
+                let bands = remark_on_bands(&job.config.process, &plan.recording);
+                let conditions = fusions.remark_on_conditions(&plan);
+                bands.iter().chain(&conditions).for_each(|text| tracing::warn!("{text}"));
             }
             listed.tap_count += plan.taps().len();
             if !is_simulated {

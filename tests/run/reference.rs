@@ -218,6 +218,10 @@ fn what_cannot_be_a_reference_is_refused() {
     assert!(!sandbox.path("both.json").exists());
     sandbox.write("elsewhere.toml", "[scan]\noffsets_mm = [7.0]\nvelocities_m_per_s = [1.5]\n");
     refused("run --config elsewhere.toml --out a --reference sound.json", &["7 mm", "10 mm", "in common"]);
+    sandbox.write("farther.toml", "[scan]\noffsets_mm = [0.0, 7.0]\nvelocities_m_per_s = [1.5]\nlocations = 100\n");
+    let farther = sandbox.run("run --config farther.toml --out farther --reference sound.json").expect(0);
+    assert!(farther.err.contains("the reference has no taps at 7 mm, 1.5 m/s: a shoulder"), "{}", farther.err);
+    assert!(farther.out.contains("condition_unknown"), "{}", farther.out);
     let edited = std::fs::read_to_string(sandbox.path("sound.json")).unwrap().replace("\"S1\"", "\"S8\"");
     sandbox.write("edited.json", &edited);
     refused("run --config sound.toml --out a --reference edited.json", &["edited.json", "changed"]);

@@ -1,6 +1,6 @@
 //! `taps.csv`: the tap of each recording.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::{Component, Path, PathBuf};
 
 use tapline_wire::{Geometry, IdError, PlannedTap, Purpose, Serial, TapId, csv_text};
@@ -62,6 +62,7 @@ pub fn tap_rows(file: &Path, text: &str, geometry: Geometry) -> Result<Vec<TapRo
     }
     if geometry == Geometry::Ring {
         mark_closing_taps(&mut rows);
+        refuse_turning_angles(file, &rows)?;
     }
     refuse_duplicates(file, &rows)?;
     Ok(rows)
@@ -154,6 +155,37 @@ fn mark_closing_taps(rows: &mut [TapRow]) {
     }
 }
 
+/// Refuses a shoulder whose angles do not go around once as its locations ascend: where its damage begins and ends would be told
+/// wrongly.
+fn refuse_turning_angles(file: &Path, rows: &[TapRow]) -> Result<(), Error> {
+    let mut shoulders: BTreeMap<(Serial, u16), BTreeMap<u32, (f64, usize)>> = BTreeMap::new();
+    for row in rows.iter().filter(|row| !row.tap.is_closing()) {
+        if let Some(angle_deg) = row.tap.angle_deg {
+            let shoulder = shoulders.entry((row.tap.id.tyre, row.tap.id.shoulder)).or_default();
+            shoulder.entry(row.tap.id.location).or_insert((angle_deg, row.line));
+        }
+    }
+    for shoulder in shoulders.values() {
+        let mut around_deg = 0.0;
+        for ((before, (from_deg, _)), (_, (to_deg, line))) in shoulder.iter().zip(shoulder.iter().skip(1)) {
+            around_deg += (to_deg - from_deg).rem_euclid(360.0);
+            if around_deg > 360.0 {
+                return Err(Error::Cell {
+                    file: file.to_owned(),
+                    line: *line,
+                    column: "angle_deg",
+                    value: to_deg.to_string(),
+                    bound: format!(
+                        "an angle clockwise of {from_deg}, that of location {before}, and before that of the first: locations are numbered \
+                         clockwise, once around"
+                    ),
+                });
+            }
+        }
+    }
+    Ok(())
+}
+
 fn refuse_duplicates(file: &Path, rows: &[TapRow]) -> Result<(), Error> {
     let mut line_of = HashMap::with_capacity(rows.len());
     for row in rows {
@@ -203,6 +235,26 @@ mod tests {
 
     fn ring(rows: &str) -> Vec<TapRow> {
         parsed(Geometry::Ring, rows).unwrap()
+    }
+
+    /// Catches locations that are numbered anticlockwise, an angle that lies elsewhere, and rings that begin anywhere and are refused.
+    #[test]
+    fn angles_go_around_once() {
+        let rows = |angles: &[f64]| -> String {
+            (0..).zip(angles).map(|(k, angle)| format!("{k}.wav,T,1,0,1,{k},{angle},0\n")).collect()
+        };
+        for good in [&[0.0, 90.0, 180.0, 270.0][..], &[300.0, 350.0, 20.0, 290.0], &[359.0, 1.0]] {
+            assert_eq!(ring(&rows(good)).len(), good.len());
+        }
+        for (bad, line, before) in [
+            (&[0.0, 270.0, 180.0, 90.0][..], 4, "270, that of location 1"),
+            (&[0.0, 30.0, 355.0, 90.0, 120.0], 5, "355, that of location 2"),
+        ] {
+            let error = parsed(Geometry::Ring, &rows(bad)).unwrap_err().to_string();
+            let wanted = [format!("taps.csv line {line}: angle_deg is "), format!("clockwise of {before}")];
+            assert!(wanted.iter().all(|words| error.contains(words)), "{error}");
+        }
+        assert!(parsed(Geometry::Line, &rows(&[0.0, 270.0, 180.0])).is_ok());
     }
 
     /// Catches an empty cell read as zero, and a value in the wrong field.

@@ -136,14 +136,14 @@ impl FolderArrivals {
     }
 
     fn fail(&mut self, name: &OsStr, reason: &str) {
-        self.refusals.push(format!("tap set {} cannot be used: {reason}", name.display()));
         let set = self.folder.join(name);
+        // The set is moved, and may be moved again: its files are named as seen from it.
+        let reason = &reason.replace(&format!("{}/", set.display()), "");
+        self.refusals.push(format!("tap set {} cannot be used: {reason}", name.display()));
         match put_into(&set, &self.folder.join(FAILED)) {
             Ok(place) => {
                 tracing::error!("station {}: tap set {} was put aside: {reason}", self.station, place.display());
-                // The set has moved, and may move again: its files are named as seen from it.
-                let reason = reason.replace(&format!("{}/", set.display()), "");
-                if let Err(error) = write_reason(&place, &reason) {
+                if let Err(error) = write_reason(&place, reason) {
                     tracing::warn!("station {}: {}: {error}", self.station, place.join(REASON).display());
                 }
             }

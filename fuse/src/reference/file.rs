@@ -173,25 +173,29 @@ impl ReferenceSet {
 
     /// Refuses a plan that has no offset and velocity in common with it.
     pub(crate) fn check_conditions(&self, plan: &Plan) -> Result<(), Error> {
+        let (known, planned) = self.conditions_beside(plan);
+        if planned.keys().any(|number| known.contains_key(number)) {
+            return Ok(());
+        }
+        let names = |of: BTreeMap<usize, TapId>| of.into_values().map(name_of).collect::<Vec<_>>().join("; ");
+        Err(Error::NothingInCommon { known: names(known), planned: names(planned) })
+    }
+
+    /// The offsets and velocities of `plan` that it has no tap at, in words.
+    pub fn lacks(&self, plan: &Plan) -> Vec<String> {
+        let (known, planned) = self.conditions_beside(plan);
+        planned.into_iter().filter(|(number, _)| !known.contains_key(number)).map(|(_, tap)| name_of(tap)).collect()
+    }
+
+    /// A tap at each of its conditions, and at each of those of `plan`, by number.
+    fn conditions_beside(&self, plan: &Plan) -> (BTreeMap<usize, TapId>, BTreeMap<usize, TapId>) {
         let meant = |row: u32, id: TapId| id.with_velocity_m_per_s(plan.velocity_nominal_m_per_s(row)).unwrap_or(id);
-        let planned: Vec<TapId> = (0..).zip(plan.taps()).map(|(row, tap)| meant(row, tap.id)).collect();
-        let names = distinct(planned.iter().copied());
-        let conditions = Conditions::of(names.iter().copied().chain(self.taps()));
+        let planned = distinct((0..).zip(plan.taps()).map(|(row, tap)| meant(row, tap.id)));
+        let conditions = Conditions::of(planned.iter().copied().chain(self.taps()));
         let numbers = |taps: &mut dyn Iterator<Item = TapId>| -> BTreeMap<usize, TapId> {
             taps.filter_map(|tap| Some((conditions.number(&tap)?, tap))).collect()
         };
-        let known = numbers(&mut self.taps());
-        if names.iter().any(|tap| conditions.number(tap).is_some_and(|number| known.contains_key(&number))) {
-            return Ok(());
-        }
-        let planned = numbers(&mut planned.into_iter());
-        let name = |of: Option<f64>| of.map_or_else(|| "an unknown".to_owned(), |v| v.to_string());
-        let names = |of: BTreeMap<usize, TapId>| {
-            let each =
-                of.into_values().map(|t| format!("{} mm, {} m/s", name(t.offset_mm()), name(t.velocity_m_per_s())));
-            each.collect::<Vec<_>>().join("; ")
-        };
-        Err(Error::NothingInCommon { known: names(known), planned: names(planned) })
+        (numbers(&mut self.taps()), numbers(&mut planned.iter().copied()))
     }
 
     /// Refuses a plan whose rings have other locations than its own: an arc of so many would be another length. A plan may leave
@@ -273,6 +277,12 @@ impl ReferenceSet {
             })
             .collect()
     }
+}
+
+/// The offset and velocity of `tap`, in words.
+fn name_of(tap: TapId) -> String {
+    let number = |of: Option<f64>| of.map_or_else(|| "an unknown".to_owned(), |v| v.to_string());
+    format!("{} mm, {} m/s", number(tap.offset_mm()), number(tap.velocity_m_per_s()))
 }
 
 #[cfg(test)]

@@ -106,7 +106,8 @@ fn region_of(part_deg: Option<f64>, run: &[&DamageCell]) -> Region {
         offset_low_mm: known(first.offset_low_mm),
         offset_high_mm: known(first.offset_high_mm),
         extent_locations,
-        extent_deg: part_deg.map(|part_deg| f64::from(extent_locations) * part_deg),
+        // A step is a difference of two angles: to a millionth of a degree.
+        extent_deg: part_deg.map(|part_deg| (f64::from(extent_locations) * part_deg * 1e6).round() / 1e6),
     }
 }
 

@@ -35,6 +35,8 @@ pub(super) struct Closer {
     to_close: Option<Sender<Box<ToClose>>>,
     closed: Receiver<Result<Closed>>,
     thread: Option<JoinHandle<()>>,
+    /// Numbers of the casings whose files are being closed.
+    closing: Vec<u64>,
 }
 
 impl std::fmt::Debug for ToClose {
@@ -59,11 +61,12 @@ impl Closer {
         let name = "close".to_owned();
         let thread =
             Builder::new().name(name.clone()).spawn(work).map_err(|source| RunError::Thread { name, source })?;
-        Ok(Self { to_close: Some(to_close), closed, thread: Some(thread) })
+        Ok(Self { to_close: Some(to_close), closed, thread: Some(thread), closing: Vec::new() })
     }
 
-    pub(super) fn close(&self, casing: OpenCasing) {
+    pub(super) fn close(&mut self, casing: OpenCasing) {
         let header = casing.header();
+        self.closing.push(casing.number);
         if let Some(to_close) = &self.to_close
             && to_close.send(Box::new(ToClose { header, writer: casing.writer, name: casing.name.clone() })).is_err()
         {
@@ -71,8 +74,17 @@ impl Closer {
         }
     }
 
-    pub(super) fn take_closed(&self) -> Option<Result<Closed>> {
-        self.closed.try_recv().ok()
+    pub(super) fn take_closed(&mut self) -> Option<Result<Closed>> {
+        let closed = self.closed.try_recv().ok()?;
+        if let Ok(Closed { header, .. }) = &closed {
+            self.closing.retain(|number| *number != header.stamp.casing);
+        }
+        Some(closed)
+    }
+
+    /// Whether the file of that casing is being closed.
+    pub(super) fn is_closing(&self, number: u64) -> bool {
+        self.closing.contains(&number)
     }
 
     /// Waits until every file is closed; returns the outcomes that were not taken yet.

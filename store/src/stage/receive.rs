@@ -108,7 +108,10 @@ impl StageLoop<'_> {
             }
             Some(RecordKind::Barrier) => {
                 let Some(index) = self.index_of(header.stamp.casing) else {
-                    self.notices.unknown(&header.stamp);
+                    // Of a file that is being closed the station will hear: it has sent its barrier again meanwhile.
+                    if !self.closer.is_closing(header.stamp.casing) {
+                        self.notices.unknown(&header.stamp);
+                    }
                     return Ok(());
                 };
                 self.open[index].barriers.0 = low_byte(header.stamp.mark);
