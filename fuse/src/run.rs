@@ -1,12 +1,13 @@
 //! `fuse` on a line: judges each shoulder of an open casing as soon as it can be judged.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tapline_wire::{
     AskTopic, CasingTopic, DamageCell, DamageTopic, Discriminators, Judgement, Ledger, Line, LineError, Plan,
-    PlannedTap, Publisher, Reasons, Received, RecordKind, ScanState, SettledTopic, Stamp, Subscriber, TapState,
-    Verdict, encode_taps,
+    PlannedTap, Publisher, Quality, Reasons, Received, RecordKind, ScanState, SettledTopic, Stamp, Subscriber, Verdict,
+    encode_taps,
 };
 
 use crate::{Error, Fusion};
@@ -80,8 +81,8 @@ struct OpenCasing {
     has_asked: bool,
     /// `None` where it cannot be judged.
     fusion: Option<Fusion>,
-    /// Of one that cannot be judged.
-    ledger: Option<Ledger>,
+    /// Of one that cannot be judged: the rows that have come, and whether they were refused.
+    seen: BTreeMap<u32, bool>,
     states: Vec<ScanState>,
     /// For each scan, whether its verdict was sent to the `store` that there is.
     is_judged: Vec<bool>,
@@ -97,6 +98,12 @@ impl OpenCasing {
             return Ok(Vec::new());
         }
         fusion.wanted(0, self.room)
+    }
+
+    /// Whether the scan number `scan` of a casing that cannot be judged has ended, and every tap of it has come or was refused.
+    fn has_come(&self, scan: usize) -> bool {
+        let has_come = |row: &u32| self.seen.contains_key(row);
+        self.states[scan] >= ScanState::Ended && self.plan.scans()[scan].taps.iter().all(has_come)
     }
 }
 
@@ -148,7 +155,6 @@ impl StageLoop<'_> {
                         fusion.end(scan)?;
                     }
                 }
-                casing.ledger = Some(ledger).filter(|_| casing.fusion.is_none());
             }
             Some(RecordKind::Closed) => drop(place.map(|place| self.open.swap_remove(place))),
             _ => {}
@@ -169,7 +175,7 @@ impl StageLoop<'_> {
             room,
             has_asked: false,
             fusion: fusion.ok(),
-            ledger: None,
+            seen: BTreeMap::new(),
             states: vec![ScanState::Open; scan_count],
             is_judged: vec![false; scan_count],
         }
@@ -185,10 +191,12 @@ impl StageLoop<'_> {
             self.note_casing(&record)?;
         }
         let Some(casing) = self.open.iter_mut().find(|casing| is_known(casing)) else { return Ok(()) };
-        let Some(fusion) = &mut casing.fusion else { return Ok(()) };
         let records: &[Discriminators] = record;
         for record in records {
-            fusion.push(record)?;
+            match &mut casing.fusion {
+                Some(fusion) => fusion.push(record)?,
+                None => drop(casing.seen.insert(record.plan_index, record.quality.contains(Quality::REFUSED))),
+            }
             self.outcome.record_count += 1;
         }
         Ok(())
@@ -210,7 +218,7 @@ impl StageLoop<'_> {
             }
             let ready: Vec<usize> = match &casing.fusion {
                 Some(fusion) => (0..casing.states.len()).filter(|&scan| fusion.can_be_judged(scan)).collect(),
-                None => (0..casing.states.len()).filter(|&scan| casing.states[scan] >= ScanState::Ended).collect(),
+                None => (0..casing.states.len()).filter(|&scan| casing.has_come(scan)).collect(),
             };
             for scan in ready {
                 if casing.is_judged[scan] || casing.states[scan] == ScanState::Judged {
@@ -218,7 +226,7 @@ impl StageLoop<'_> {
                 }
                 let (mut judgement, cells) = match &mut casing.fusion {
                     Some(fusion) => fusion.judge(scan)?,
-                    None => unjudged(&casing.plan, casing.ledger.as_ref(), scan),
+                    None => unjudged(&casing.plan, &casing.seen, scan),
                 };
                 judgement.stamp = Stamp { casing: casing.number, mark: scan as u64, ..Stamp::default() };
                 self.verdicts.send(RecordKind::Data, judgement, &cells)?;
@@ -236,18 +244,18 @@ impl StageLoop<'_> {
 }
 
 /// The verdict on a scan that cannot be judged, for one because the reference has nothing in common with it.
-fn unjudged(plan: &Plan, ledger: Option<&Ledger>, scan: usize) -> (Judgement, Vec<DamageCell>) {
+fn unjudged(plan: &Plan, seen: &BTreeMap<u32, bool>, scan: usize) -> (Judgement, Vec<DamageCell>) {
     let planned = &plan.scans()[scan];
-    let count = |state: TapState| {
-        let is_so = |row: &&u32| ledger.is_some_and(|ledger| ledger.taps()[**row as usize] == state);
-        u32::try_from(planned.taps.iter().filter(is_so).count()).unwrap_or(u32::MAX)
+    let count = |is_refused: bool| {
+        let rows = planned.taps.iter().filter(|row| seen.get(row) == Some(&is_refused));
+        u32::try_from(rows.count()).unwrap_or(u32::MAX)
     };
     let judgement = Judgement {
         verdict: Verdict::ReInspect.code(),
         reasons: Reasons::NO_INDEX,
         planned_count: u32::try_from(planned.taps.len()).unwrap_or(u32::MAX),
-        received_count: count(TapState::Archived),
-        refused_count: count(TapState::Refused),
+        received_count: count(false),
+        refused_count: count(true),
         ..Judgement::default()
     };
     let cell = |&(location, angle_deg): &(u32, Option<f64>)| DamageCell {

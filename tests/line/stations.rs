@@ -179,3 +179,29 @@ fn a_rig_that_is_late_after_a_restart_goes_on() {
         assert_eq!(all_finished(&sandbox.path("out")), ["RIG-1"]);
     }
 }
+
+/// Catches a casing that cannot be judged and is called damaged by `verify`, waits for ever, or is judged before all has come.
+#[test]
+fn a_casing_that_cannot_be_judged_is_whole() {
+    let sandbox = Sandbox::new();
+    drop(tap_sets(&sandbox));
+    sandbox.run("reference made/B.h5 --out sound.json").expect(0);
+    let taps = fs::read_to_string(sandbox.path("sets/A/taps.csv")).unwrap();
+    assert!(taps.contains(",A,1,0,"), "{taps}");
+    // Tapped elsewhere, and one recording is missing.
+    let missing = taps.lines().nth(3).unwrap().split(',').next().unwrap().to_owned();
+    fs::remove_file(sandbox.path("sets/A").join(missing)).unwrap();
+    sandbox.write("sets/A/taps.csv", &taps.replace(",A,1,0,", ",A,1,5,").replace(",A,2,0,", ",A,2,5,"));
+    sandbox.write("plant.toml", &format!("{ROOM}[[station]]\nnumber = 1\nsource = \"folder\"\nfolder = \"inbox\"\n"));
+    let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json --reference sound.json");
+    until("the inbox is made", || sandbox.path("inbox/failed").is_dir());
+    fs::rename(sandbox.path("sets/A"), sandbox.path("inbox/A")).unwrap();
+    let verdict = line.verdict();
+    assert_eq!(
+        (&verdict["verdict"], &verdict["archived"], &verdict["refused"]),
+        (&"RE-INSPECT".into(), &49.into(), &1.into())
+    );
+    assert_eq!(verdict["shoulders"][0]["reasons"], "no_index", "{verdict}");
+    assert!(verify(&file_of(&verdict)).unwrap().is_complete(), "{:?}", verify(&file_of(&verdict)));
+    drop(line.interrupt());
+}
