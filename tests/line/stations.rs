@@ -202,6 +202,7 @@ fn a_casing_that_cannot_be_judged_is_whole() {
         (&"RE-INSPECT".into(), &49.into(), &1.into())
     );
     assert_eq!(verdict["shoulders"][0]["reasons"], "no_index", "{verdict}");
-    assert!(verify(&file_of(&verdict)).unwrap().is_complete(), "{:?}", verify(&file_of(&verdict)));
+    let verified = verify(file_of(&verdict)).unwrap();
+    assert!(verified.is_complete(), "{verified:?}");
     drop(line.interrupt());
 }

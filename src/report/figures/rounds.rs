@@ -9,7 +9,7 @@ use tapline_store::Region;
 use tapline_wire::{Discriminator, Discriminators, Geometry};
 
 use crate::report::evidence::condition::Condition;
-use crate::report::evidence::{Evidence, Shoulder, Tyre};
+use crate::report::evidence::{Cell, Evidence, Shoulder, Tap, Tyre};
 use crate::report::figures::axis::Axis;
 use crate::report::figures::chart::{self, Chart, Key, Sheet, Stroke, exponent_of, scaled_unit};
 use crate::report::pages::words;
@@ -20,8 +20,8 @@ pub(crate) const SHOULDERS: usize = 2;
 /// Colours and strokes of the curves of one picture.
 const CURVES: [(RGBColor, Stroke); 2] = [(BLUE, Stroke::Plain), (VERMILLION, Stroke::Dashed)];
 
-/// One repetition: position and value of each planned tap; `None` if the value is absent.
-type Turn = Vec<Option<Point>>;
+/// One repetition: what it is called, and position and value at each location; `None` where it has no tap or no value.
+type Turn = (String, Vec<Option<Point>>);
 
 /// The axis along the ring or line.
 pub(crate) fn along(shoulders: &[Shoulder]) -> Axis {
@@ -90,29 +90,26 @@ pub(crate) fn discriminator(
     let name = which.printed();
     let (per_si, unit) = which.printed_unit(&evidence.recording.calibration);
     let turns: Vec<_> = tyre.shoulders.iter().map(|shoulder| turns(shoulder, condition, which, per_si)).collect();
-    let values = turns.iter().flatten().flat_map(|turn| turn.iter().flatten().map(|point| point.1));
+    let values = turns.iter().flatten().flat_map(|(_, points)| points.iter().flatten().map(|point| point.1));
     let Some(extremes) = extent(values) else { return Ok(Vec::new()) };
     let exponent = exponent_of(&unit, extremes);
     let scale = 10f64.powi(-exponent);
     let unit = scaled_unit(exponent, &unit);
     let label = if unit.is_empty() { name.to_owned() } else { format!("{name}, {unit}") };
     let picture = |(shoulder, turns): (&Shoulder, Vec<Turn>)| {
-        let key = |(&(color, stroke), order): (&(RGBColor, Stroke), usize)| Key {
-            words: format!("repetition {order}"),
-            color,
-            stroke,
-        };
+        let key =
+            |(&(color, stroke), (words, _)): (&(RGBColor, Stroke), &Turn)| Key { words: words.clone(), color, stroke };
         let sheet = Sheet {
             height: 142,
             title: format!("{name}, {} {}", words::side(geometry), shoulder.number),
-            keys: CURVES.iter().zip(1..=turns.len()).map(key).collect(),
+            keys: CURVES.iter().zip(&turns).map(key).collect(),
             ramp: None,
             x: along(std::slice::from_ref(shoulder)),
             y: Axis::around(label.clone(), (extremes.0 * scale, extremes.1 * scale), 5),
         };
         sheet.svg(|chart| {
             shade(chart, shoulder)?;
-            for (points, &(color, stroke)) in turns.iter().zip(&CURVES) {
+            for ((_, points), &(color, stroke)) in turns.iter().zip(&CURVES) {
                 let points: Vec<_> = points.iter().map(|point| point.map(|(x, y)| (x, y * scale))).collect();
                 chart::curve(chart, &points, stroke.style(color))?;
             }
@@ -129,14 +126,21 @@ fn turns(shoulder: &Shoulder, condition: Condition, which: Discriminator, per_si
     repetitions.sort_unstable();
     repetitions.dedup();
     repetitions.truncate(CURVES.len());
-    let turn = |repetition| {
-        let mut taps: Vec<_> = here().filter(|tap| tap.repetition == repetition).collect();
-        taps.sort_by(|a, b| a.place.total_cmp(&b.place));
+    let mut cells: Vec<&Cell> = shoulder.cells.iter().collect();
+    cells.sort_by(|a, b| a.place.total_cmp(&b.place));
+    let turn = |(repetition, order): (u16, usize)| {
+        let taps = || here().filter(move |tap| tap.repetition == repetition);
         let value = |found: Discriminators| found.values.get(which);
-        let points = taps.iter().map(|tap| tap.found.and_then(value).map(|value| (tap.place, value * per_si)));
-        points.collect()
+        let point = |tap: &Tap| tap.found.and_then(value).map(|value| (tap.place, value * per_si));
+        // By location: a second reading has taps at some alone, and its curve does not go on to the next of these.
+        let of_cell =
+            |cell: &&Cell| taps().find(|tap| tap.location == cell.location && !tap.is_closing).and_then(point);
+        let closing = taps().filter(|tap| tap.is_closing).map(point);
+        let points = cells.iter().map(of_cell).chain(closing).collect();
+        let is_second = taps().any(|tap| tap.is_second_reading);
+        (if is_second { "second reading".to_owned() } else { format!("repetition {order}") }, points)
     };
-    repetitions.into_iter().map(turn).collect()
+    repetitions.into_iter().zip(1..).map(turn).collect()
 }
 
 /// Shades the regions of `shoulder` and numbers them.

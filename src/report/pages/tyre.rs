@@ -143,7 +143,7 @@ fn discriminators(evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
     let falling = if falling.is_empty() { "nothing".to_owned() } else { falling.join(", ") };
     let what = html! {
         strong { "The discriminators along the " (side(evidence.geometry)) ", repetition by repetition (" (condition.words()) ")." }
-        " " (shown.join(", ")) ". Over a crack " (falling) " falls and the others rise; where the two curves agree and leave their level together, it is the casing and not chance. Shaded: the regions. Gaps are values that a record did not give."
+        " " (shown.join(", ")) ". Over a crack " (falling) " falls and the others rise; where the two curves agree and leave their level together, it is the casing and not chance. Shaded: the regions. Gaps are values that a record did not give, or places that a second reading left out."
         @if !absent.is_empty() { " Absent from every record: " (absent.join(", ")) "." }
     };
     Ok(html! { section { h2 { "Discriminators" } (figure(pictures, &what)) } })
