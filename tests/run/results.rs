@@ -40,7 +40,7 @@ fn scanned() -> Sandbox {
 #[test]
 fn a_run_taps_once_around_and_what_stands_out_again() {
     let sandbox = Sandbox::new();
-    sandbox.write("slow.toml", "[acquire]\ntaps_per_s = 18.0\n");
+    sandbox.write("slow.toml", "[acquire]\ntaps_per_s = 11.0\n");
     let done = sandbox.run("run --config slow.toml --out run --json");
     let summary = done.json(0);
     assert!(done.err.contains("scanning 202 taps, and what stands out again;"), "{}", done.err);
