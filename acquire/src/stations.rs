@@ -194,6 +194,11 @@ impl StationConfig {
         ])
     }
 
+    /// Whether `path` is the folder that it watches, or within it.
+    pub fn watches(&self, path: &Path) -> bool {
+        self.folder.as_ref().is_some_and(|folder| resolved(path).starts_with(resolved(folder)))
+    }
+
     /// What it listens to, if it does.
     pub fn device_name(&self) -> Option<DeviceName> {
         let name = self.device.clone()?;
@@ -374,6 +379,9 @@ mod tests {
         assert!(two("in/done", "in").is_err());
         assert!(two("not/there", "./not/there").is_err());
         assert!(two("in", "in-2").is_ok());
+        let station = &two("link", "in-2").unwrap()[0];
+        let watches = |path: &str| station.watches(&dir.path().join(path));
+        assert!(watches("in") && watches("link/done") && !watches("in-2") && !watches("."));
     }
 
     /// Catches a source that is taken for another.

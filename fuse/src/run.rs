@@ -252,7 +252,7 @@ fn unjudged(plan: &Plan, seen: &BTreeMap<u32, bool>, scan: usize) -> (Judgement,
     };
     let judgement = Judgement {
         verdict: Verdict::ReInspect.code(),
-        reasons: Reasons::NO_INDEX,
+        reasons: Reasons::NOT_COMPARABLE,
         planned_count: u32::try_from(planned.taps.len()).unwrap_or(u32::MAX),
         received_count: count(false),
         refused_count: count(true),

@@ -4,7 +4,7 @@ use std::io::Write as _;
 use std::path::Path;
 
 use anyhow::{Result, bail, ensure};
-use tapline_acquire::{StationConfig, StationSource};
+use tapline_acquire::{ScanConfig, StationConfig, StationSource};
 use tapline_fuse::Reference;
 use tapline_host::stdout::Stdout;
 use tapline_wire::Recording;
@@ -74,6 +74,9 @@ pub(super) fn check_line(job: &Job) -> Result<Setup> {
     let setup = Setup::new(job, Arriving::Stations, &absolute(&job.out)?)?;
     let fusions = job.fusions()?;
     check_calibrations(job)?;
+    if stations.iter().any(|of| of.source != StationSource::Folder) {
+        remark_on_scan(scan);
+    }
     let is_simulated = |of: &StationConfig| of.source == StationSource::Simulated;
     if let Some(station) = stations.iter().find(|of| is_simulated(of) && !scan.tyre.is_empty()) {
         tracing::warn!("station {} makes tyres of its own: none of [[scan.tyre]] comes to it", station.number);
@@ -97,7 +100,25 @@ pub(super) fn check_line(job: &Job) -> Result<Setup> {
 fn check_run(job: &Job) -> Result<Option<String>> {
     let setup = Setup::new(job, Arriving::Simulated, &job.out)?;
     let refusal = Listed::check(job, &setup).err();
+    remark_on_scan(&job.config.scan);
     Ok(refusal.map(|why| format!("{why:#}")))
+}
+
+/// Refuses results that a station would take for tap sets.
+pub(super) fn refuse_watched_results(job: &Job) -> Result<()> {
+    match job.config.station.iter().find(|of| of.watches(&job.out)) {
+        Some(of) => bail!(
+            "--out {} is within the folder that station {} watches, which would take the results for tap sets",
+            job.out.display(),
+            of.number
+        ),
+        None => Ok(()),
+    }
+}
+
+/// Says what of a `scan` lets cracks pass.
+pub(super) fn remark_on_scan(scan: &ScanConfig) {
+    scan.remark().iter().for_each(|text| tracing::warn!("{text}"));
 }
 
 /// Checks that stations which listen have a valid calibration, where the line passes no casing without one; else says which have none.

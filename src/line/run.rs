@@ -22,7 +22,7 @@ use tapline_wire::{Line, LineAddress, Role, Services};
 use crate::cli::line::{LineArgs, RunArgs};
 use crate::config::job::Job;
 use crate::config::report::ReportConfig;
-use crate::line::check::{check_line, require_reference};
+use crate::line::check::{check_line, refuse_watched_results, remark_on_scan, require_reference};
 use crate::line::listed::Listed;
 use crate::line::out_folder::OutFolder;
 use crate::line::process_name::name_process;
@@ -57,6 +57,9 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
     } else {
         setup.check_machine()?;
         say_unsupported(&job)?;
+        if job.taps.is_none() {
+            remark_on_scan(&job.config.scan);
+        }
         let stop = stop_at_signals()?;
         let progress = scanning(&job, &listed, finished);
         let audience = Audience { progress, wires: None, as_json: args.json, show: None };
@@ -87,6 +90,7 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     let job = Job::of_line(args)?;
     let setup = check_line(&job)?;
     require_reference(&job)?;
+    refuse_watched_results(&job)?;
     // What cannot be served is refused before a line begins.
     let (show, shown_at) = show_on_page(args, &job.config.report)?;
     let mut folder = OutFolder::take(&job.out)?;

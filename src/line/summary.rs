@@ -256,14 +256,15 @@ fn stations(numbers: &[u16]) -> String {
 }
 
 fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
-    let mut table = table(["shoulder", "verdict", "arcs", "strongest / limit", "at", "why"]);
+    let mut table = table(["shoulder", "verdict", "arcs", "strongest", "re-inspect, reject from", "at", "why"]);
     let cell = |value: Option<f64>| value.map_or_else(String::new, |v| format!("{v:.2}"));
     for line in &summary.verdicts {
         table.add_row([
             format!("{}/{}", line.tyre, line.shoulder),
             line.verdict.to_string(),
             line.regions.to_string(),
-            format!("{} / {}", cell(line.strongest_arc), cell(line.limit_reject)),
+            cell(line.strongest_arc),
+            line.limit_re_inspect.map_or_else(String::new, |limit| format!("{limit:.2}, {}", cell(line.limit_reject))),
             line.peak_location.map_or_else(String::new, |l| l.to_string()),
             // Parted by spaces, at which lines are broken.
             line.why(", "),

@@ -134,8 +134,12 @@ impl CasingVerdict {
             Verdict::Reject => Colour::Bad,
         };
         let mut line = format!("{} {tyre}/{number}", colour.on_stdout(&format!("{:<10}", verdict.to_string())));
-        if let (Some(arc), Some(limit)) = (shoulder.strongest_arc, shoulder.limit_reject) {
-            line.push_str(&format!("  strongest arc {arc:.2}, reject from {limit:.2}"));
+        if let (Some(arc), Some(re_inspect), Some(reject)) =
+            (shoulder.strongest_arc, shoulder.limit_re_inspect, shoulder.limit_reject)
+        {
+            line.push_str(&format!(
+                "  strongest arc {arc:.2}, re-inspect from {re_inspect:.2}, reject from {reject:.2}"
+            ));
         }
         if let Some(at) = shoulder.peak_location {
             line.push_str(&format!(", most at location {at}"));

@@ -87,6 +87,14 @@ fn the_example_of_a_configuration_is_one() {
     sandbox.write("other.toml", &format!("{station}[line.mqtt]\nbroker = \"127.0.0.1:1\"\nca_file = \"none.pem\"\n"));
     let done = sandbox.run("config --check other.toml").expect(1);
     assert!(done.err.contains("none.pem"), "{done:?}");
+    sandbox.write("other.toml", &format!("{station}[scan]\noffsets_mm = [5.0]\n"));
+    let said = sandbox.run("config --check other.toml").expect(0);
+    assert!(said.err.contains("nothing is tapped at the belt edge"), "{said:?}");
+    // Results would be tap sets of the station.
+    sandbox.write("other.toml", &format!("[[station]]\nnumber = 3\nsource = \"folder\"\nfolder = \"in\"\n{reference}"));
+    let done = sandbox.run("line --config other.toml --out in/results").expect(1);
+    assert!(done.err.contains("--out in/results is within the folder that station 3 watches"), "{done:?}");
+    assert!(!sandbox.path("in").exists(), "nothing was made");
     // A line finds out before it begins what the check says.
     sandbox.write("other.toml", &format!("{station}[fuse]\nreference = \"A-17/1\"\n"));
     for verb in ["config --check other.toml", "line --config other.toml --out none"] {

@@ -201,7 +201,7 @@ fn a_casing_that_cannot_be_judged_is_whole() {
         (&verdict["verdict"], &verdict["archived"], &verdict["refused"]),
         (&"RE-INSPECT".into(), &49.into(), &1.into())
     );
-    assert_eq!(verdict["shoulders"][0]["reasons"], "no_index", "{verdict}");
+    assert_eq!(verdict["shoulders"][0]["reasons"], "not_comparable", "{verdict}");
     let verified = verify(file_of(&verdict)).unwrap();
     assert!(verified.is_complete(), "{verified:?}");
     drop(line.interrupt());

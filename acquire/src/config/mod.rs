@@ -202,6 +202,13 @@ impl ScanConfig {
         turns
     }
 
+    /// What of the scan lets cracks pass, for people to read.
+    pub fn remark(&self) -> Option<String> {
+        let is_at_edge = self.offsets_mm.contains(&0.0);
+        (!is_at_edge)
+            .then(|| "scan.offsets_mm lacks 0: nothing is tapped at the belt edge, where cracks begin".to_owned())
+    }
+
     /// The same for a line, with as many stations as its tyres name: those of a line are in its configuration.
     pub fn for_line(&self) -> Self {
         let stations = self.tyre.iter().fold(self.stations, |most, tyre| most.max(tyre.station));
