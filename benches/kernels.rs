@@ -12,7 +12,7 @@ use std::hint::black_box;
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, anyhow};
 use realfft::num_complex::Complex;
@@ -30,6 +30,9 @@ const ROUNDS: usize = 12;
 /// Turns of a round, of which each kernel's fastest counts: what else the host does comes and goes in tenths of a second, only ever
 /// slows down, and slows arithmetic more than memory.
 const TURNS: usize = 10;
+/// How long a kernel runs untimed before each turn: the first calls after another kernel's take longer, until caches, clock and
+/// branch predictor have settled. One call of Python's takes that long.
+const WARM_FOR: Duration = Duration::from_millis(10);
 /// Samples of all taps of a turn, from all over the tyre: 4 MiB of records, more than the inner caches hold.
 const SAMPLES: usize = 1 << 21;
 /// Records that are streamed from memory, bytes: more than any cache holds.
@@ -80,14 +83,20 @@ struct Kernel<'a> {
     name: String,
     taps_per_call: usize,
     call: Box<dyn FnMut() -> f64 + 'a>,
-    /// Whether what it needs is in the caches.
-    is_warm: bool,
+    /// How long it runs untimed before each turn, at least once; `None` for what is to find empty caches.
+    warm_for: Option<Duration>,
     us_per_tap: Vec<f64>,
 }
 
 impl<'a> Kernel<'a> {
     fn new(name: impl Into<String>, taps_per_call: usize, call: impl FnMut() -> f64 + 'a) -> Self {
-        Self { name: name.into(), taps_per_call, call: Box::new(call), is_warm: true, us_per_tap: Vec::new() }
+        Self {
+            name: name.into(),
+            taps_per_call,
+            call: Box::new(call),
+            warm_for: Some(WARM_FOR),
+            us_per_tap: Vec::new(),
+        }
     }
 
     /// A kernel that is called for one tap at a time.
@@ -95,12 +104,16 @@ impl<'a> Kernel<'a> {
         Self::new(name, taps.len(), move || taps.iter().map(&mut each).sum())
     }
 
-    /// Times a call; the fastest of a round is kept. An untimed call comes first where the kernel is warm, because the other kernels
+    /// Times a call; the fastest of a round is kept. Untimed calls come first where the kernel is warm, because the other kernels
     /// empty the caches.
     #[expect(clippy::cast_precision_loss, reason = "a count of taps")]
     fn time(&mut self, is_first_of_round: bool) {
-        if self.is_warm {
+        let begin = Instant::now();
+        while let Some(warm_for) = self.warm_for {
             black_box((self.call)());
+            if begin.elapsed() >= warm_for {
+                break;
+            }
         }
         let begin = Instant::now();
         black_box((self.call)());
@@ -124,7 +137,7 @@ fn main() -> Result<()> {
         notes: vec![
             format!(
                 "One core, {ROUNDS} rounds of {TURNS} turns each. The fastest turn of a round counts: other work of the host only slows down. \
-                 An untimed call comes before each timed one, but for what is streamed. Simulated taps of the dissertation's scan and the default seed, \
+                 Before each, it runs untimed for 10 ms, but for what is streamed. Simulated taps of the dissertation's scan and the default seed, \
                  4 MiB of records a turn."
             ),
             "The seven discriminators of the method with all quality flags, from force and sound of 16 bits. The Python programs \
@@ -281,7 +294,7 @@ impl Streamed {
             sums.iter().fold(0, |all, sum| all ^ sum) as f64
         };
         let kernels = [Kernel::new(STREAM, taps_per_call, extract), Kernel::new(READ, taps_per_call, read)];
-        kernels.map(|kernel| Kernel { is_warm: false, ..kernel })
+        kernels.map(|kernel| Kernel { warm_for: None, ..kernel })
     }
 }
 
@@ -427,7 +440,9 @@ fn judge(extractor: &mut ProcessExtractor) -> Result<Kernel<'static>> {
     let count = records.len();
     let mut fresh = vec![Fusion::new(&FuseConfig::by(Reference::Own), line.plan())?; 2 * ROUNDS * TURNS];
     let call = move || judged(&mut fresh.pop().expect("two a turn"), &records);
-    Ok(Kernel::new(format!("judging a new casing of {count} taps by itself"), count, call))
+    let kernel = Kernel::new(format!("judging a new casing of {count} taps by itself"), count, call);
+    // Once: every call takes a new one.
+    Ok(Kernel { warm_for: Some(Duration::ZERO), ..kernel })
 }
 
 fn judged(fusion: &mut Fusion, records: &[Discriminators]) -> f64 {

@@ -44,19 +44,20 @@ impl CasingLimits {
         }
     }
 
-    /// What of `plan`, to which `room` taps may be added, is beyond these limits, with both numbers; `None` where it fits.
+    /// What of `plan`, to which `room` taps may be added, is beyond these limits, with both numbers and the key that sets the limit of
+    /// a tap set; `None` where it fits.
     pub fn exceeded_by(&self, plan: &Plan, room: usize) -> Option<String> {
         let need = Self::from_plan(plan);
         [
-            ("taps", need.taps + room, self.taps),
-            ("taps that may be added", room, self.room),
-            ("scans", need.scans, self.scans),
-            ("locations a scan", need.locations, self.locations),
-            ("bytes a record", need.record_bytes, self.record_bytes),
+            ("taps", need.taps + room, self.taps, "taps_max"),
+            ("taps that may be added", room, self.room, "taps_max"),
+            ("scans", need.scans, self.scans, "scans_max"),
+            ("locations a scan", need.locations, self.locations, "taps_max"),
+            ("bytes a record", need.record_bytes, self.record_bytes, "record_samples_max"),
         ]
         .into_iter()
-        .find(|&(_, need, most)| need > most)
-        .map(|(what, need, most)| format!("it has {need} {what}; this line has room for {most}"))
+        .find(|&(_, need, most, _)| need > most)
+        .map(|(what, need, most, key)| format!("it has {need} {what}; this line has room for {most} ([line] {key})"))
     }
 }
 
@@ -131,7 +132,7 @@ mod tests {
         let need = CasingLimits::from_plan(&plan);
         assert_eq!(need, CasingLimits { taps: 2, room: 0, scans: 1, locations: 9, record_bytes: 400 });
         assert_eq!(need.exceeded_by(&plan, 0), None);
-        assert!(need.exceeded_by(&plan, 1).unwrap().contains("3 taps; this line has room for 2"));
+        assert!(need.exceeded_by(&plan, 1).unwrap().contains("3 taps; this line has room for 2 ([line] taps_max)"));
         let narrow = CasingLimits { locations: 2, ..need };
         assert!(narrow.exceeded_by(&plan, 0).unwrap().contains("9 locations a scan"));
     }
