@@ -26,6 +26,8 @@ const HEAD_BYTES_MAX: usize = 512;
 pub struct ReadBuffer {
     /// The packed chunk.
     chunk: Vec<u8>,
+    /// So many bytes of the chunk before had its head and the first samples that were asked for. They are read at once.
+    beginning: usize,
     /// The samples.
     buffer: Vec<CacheLine>,
     /// The unpacked planes of bits.
@@ -74,11 +76,11 @@ impl SampleFile {
         is_beginning: bool,
         buffer: &'r mut ReadBuffer,
     ) -> Result<Samples<'r>> {
-        let ReadBuffer { chunk, buffer, planes } = buffer;
+        let ReadBuffer { chunk, beginning, buffer, planes } = buffer;
         let location = location.ok_or_else(|| self.damaged(header, "have no location in the file"))?;
         let codec = self.rows.codec();
         let is_read = if is_beginning && codec == Codec::Lz4 {
-            self.read_blocks(header, location, chunk)
+            self.read_blocks(header, location, chunk, beginning)
         } else {
             location.read(&self.file, chunk)
         };
@@ -99,15 +101,26 @@ impl SampleFile {
 
     /// Reads the head of the chunk at `location` and the blocks that hold the samples of `header`, or all of a chunk that has no head.
     /// Other bytes of `chunk` stay what they were.
-    fn read_blocks(&self, header: &TapHeader, location: ChunkLocation, chunk: &mut Vec<u8>) -> io::Result<()> {
+    fn read_blocks(
+        &self,
+        header: &TapHeader,
+        location: ChunkLocation,
+        chunk: &mut Vec<u8>,
+        beginning: &mut usize,
+    ) -> io::Result<()> {
         location.make_room(&self.file, chunk)?;
-        let (codec, begin) = (self.rows.codec(), HEAD_BYTES_MAX.min(chunk.len()));
+        let (codec, begin) = (self.rows.codec(), HEAD_BYTES_MAX.max(*beginning + *beginning / 16).min(chunk.len()));
         location.read_part(&self.file, chunk, 0..begin)?;
-        for part in parts(header, self.rows.row_bytes()) {
+        for (number, part) in parts(header, self.rows.row_bytes()).enumerate() {
             // The offsets of a damaged head lead nowhere else in the chunk; its checksum tells.
             let head = head_of(codec, &chunk[..begin]).filter(|head| head.chunk_bytes() == location.length);
             let extent = head.map_or(begin..location.length, |head| head.extent(&head.blocks(&part)));
-            location.read_part(&self.file, chunk, extent)?;
+            if number == 0 {
+                *beginning = extent.end;
+            }
+            if extent.end > begin {
+                location.read_part(&self.file, chunk, extent)?;
+            }
         }
         Ok(())
     }
