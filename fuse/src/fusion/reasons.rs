@@ -44,6 +44,10 @@ impl Fusion {
         if self.plan.geometry == Geometry::Ring && !(self.rings[scan].is_whole() && self.has_whole_turns(scan)) {
             reasons.insert(Reasons::LOCATION_BLIND);
         }
+        let scans = self.plan.scans();
+        if self.plan.geometry == Geometry::Ring && scans.iter().filter(|of| of.tyre == scans[scan].tyre).count() == 1 {
+            reasons.insert(Reasons::ONE_SHOULDER);
+        }
         if compared.is_force_off(scan) {
             reasons.insert(Reasons::FORCE_OFF);
         }

@@ -24,7 +24,7 @@ mod tests {
     fn only_no_reason_passes() {
         // Catches a verdict that forgets a reason: all sets of flags.
         let known = Reasons::ALL.iter().fold(0, |bits, (flag, _)| bits | flag.bits());
-        let remarks = [7, 12, 14, 15, 16, 18, 20].iter().fold(0, |bits, bit| bits | 1 << bit);
+        let remarks = [7, 12, 14, 15, 16, 18, 20, 22].iter().fold(0, |bits, bit| bits | 1 << bit);
         for bits in 0..=known {
             let reasons = Reasons::from_bits_retain(bits);
             let expected = if reasons.contains(Reasons::DAMAGE) {

@@ -117,6 +117,8 @@ flags! {
             "The reference has too few casings to tell how the levels of sound shoulders differ: damage all round would not show.";
         NOT_COMPARABLE = 21, "not_comparable":
             "The reference was tapped, recorded or analysed otherwise: nothing of this casing could be compared with it.";
+        ONE_SHOULDER = 22, "one_shoulder":
+            "The other shoulder of the casing was not tapped: damage there would not show.";
     }
 }
 
@@ -128,7 +130,8 @@ impl Reasons {
         .union(Self::NOT_CALIBRATED)
         .union(Self::CALIBRATION_OUT_OF_DATE)
         .union(Self::FLAGGED)
-        .union(Self::LEVEL_UNKNOWN);
+        .union(Self::LEVEL_UNKNOWN)
+        .union(Self::ONE_SHOULDER);
 }
 
 impl Quality {

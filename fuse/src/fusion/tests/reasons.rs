@@ -142,7 +142,7 @@ fn a_flag_on_most_taps_is_a_remark() {
     let reasons = |fusion: &mut Fusion| {
         let judgement = fusion.judge(0).unwrap().0;
         assert_eq!(verdict(&judgement), Verdict::Pass);
-        judgement.reasons.difference(Reasons::SELF_REFERENCE | Reasons::EXTRAPOLATED)
+        judgement.reasons.difference(Reasons::SELF_REFERENCE | Reasons::EXTRAPOLATED | Reasons::ONE_SHOULDER)
     };
     let half = found.len() / 2;
     for flag in [Quality::RATE_IMPLAUSIBLE, Quality::HUM] {
@@ -155,4 +155,19 @@ fn a_flag_on_most_taps_is_a_remark() {
         most.push(&again).unwrap();
         assert_eq!(reasons(&mut most), Reasons::default(), "{flag}");
     }
+}
+
+#[test]
+fn a_casing_of_one_shoulder_is_remarked_on() {
+    // Catches a PASS that seems to be of both shoulders, and a remark on a slab, which has none.
+    let is_remarked = |shoulder_count: u16, geometry: Geometry| {
+        let casing = Casing { shoulder_count, ..Casing::default() };
+        let ring = casing.plan();
+        let plan = Plan::new(geometry, recording(), ring.taps().to_vec(), Truth::new()).unwrap();
+        let judgement = whole(&FuseConfig::by(Reference::Own), &plan, &records(&casing, &ring, 1)).judge(0).unwrap().0;
+        assert_eq!(verdict(&judgement), Verdict::Pass);
+        judgement.reasons.contains(Reasons::ONE_SHOULDER)
+    };
+    assert!(is_remarked(1, Geometry::Ring));
+    assert!(!is_remarked(2, Geometry::Ring) && !is_remarked(1, Geometry::Line));
 }
