@@ -256,7 +256,7 @@ fn stations(numbers: &[u16]) -> String {
 }
 
 fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
-    let mut table = table(["shoulder", "verdict", "arcs", "strongest", "re-inspect, reject from", "at", "why"]);
+    let mut table = table(["shoulder", "verdict", "arcs", "strongest", "limits", "at", "why"]);
     let cell = |value: Option<f64>| value.map_or_else(String::new, |v| format!("{v:.2}"));
     for line in &summary.verdicts {
         table.add_row([
