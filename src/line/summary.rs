@@ -11,7 +11,7 @@ use tapline_host::colour::Colour;
 use tapline_host::messages::counted;
 use tapline_host::table::{break_last_column, table};
 use tapline_store::Reader;
-use tapline_wire::{Discriminator, Ledger, Quality, TapState};
+use tapline_wire::{Discriminator, Ledger, Quality, TapState, Verdict};
 
 use crate::config::job::Job;
 use crate::line::setup::Setup;
@@ -256,15 +256,22 @@ fn stations(numbers: &[u16]) -> String {
 }
 
 fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
-    let mut table = table(["shoulder", "verdict", "arcs", "strongest", "limits", "at", "why"]);
+    let mut table = table(["shoulder", "verdict", "arcs", "strongest / limit", "at", "why"]);
     let cell = |value: Option<f64>| value.map_or_else(String::new, |v| format!("{v:.2}"));
     for line in &summary.verdicts {
         table.add_row([
             format!("{}/{}", line.tyre, line.shoulder),
             line.verdict.to_string(),
             line.regions.to_string(),
-            cell(line.strongest_arc),
-            line.limit_re_inspect.map_or_else(String::new, |limit| format!("{limit:.2}, {}", cell(line.limit_reject))),
+            // The limit of PASS, or of REJECT where that is the verdict.
+            format!(
+                "{} / {}",
+                cell(line.strongest_arc),
+                cell(match line.verdict {
+                    Verdict::Reject => line.limit_reject,
+                    _ => line.limit_re_inspect,
+                })
+            ),
             line.peak_location.map_or_else(String::new, |l| l.to_string()),
             // Parted by spaces, at which lines are broken.
             line.why(", "),

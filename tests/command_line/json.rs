@@ -14,7 +14,7 @@ use crate::sandbox::running::Running;
 fn shapes() -> BTreeMap<String, BTreeSet<String>> {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/commands.md");
     let page = fs::read_to_string(page).unwrap();
-    let rows = page.lines().filter(|line| line.starts_with("| `"));
+    let rows = page.lines().skip_while(|line| *line != "## JSON").filter(|line| line.starts_with("| `"));
     rows.map(|row| {
         let cells: Vec<&str> = row.trim_matches('|').split('|').map(str::trim).collect();
         let [verb, of, keys] = cells[..] else { panic!("{row}") };
