@@ -16,6 +16,18 @@ pub enum Error {
         /// What the system says.
         source: std::io::Error,
     },
+    /// A folder cannot be watched.
+    #[error("station {station} cannot watch the folder {}: {}: {source}", folder.display(), part.display())]
+    Unwatchable {
+        /// The station.
+        station: u16,
+        /// Its folder.
+        folder: PathBuf,
+        /// What cannot be made: the folder, or one within it.
+        part: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
     /// A file is not text.
     #[error("{} line {line}: is not UTF-8 text", file.display())]
     NotText {

@@ -124,7 +124,8 @@ impl List {
         let refuse = |reason: String| Error::Text { file: file.to_owned(), line: None, reason };
         let unfit = |what: &str| {
             let pattern = config.name.as_deref().unwrap_or_default();
-            refuse(format!("{what} does not fit name = {pattern:?}"))
+            let why = if file.exists() { "" } else { ", and is not there" };
+            refuse(format!("{what} does not fit name = {pattern:?}{why}"))
         };
         let text_of =
             |cells: Cells| cells.into_iter().map(|(column, value)| (column, csv_cell_if_text(value))).collect();

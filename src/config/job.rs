@@ -60,7 +60,11 @@ impl Job {
             (None, Some(taps)) => {
                 let folder =
                     taps.canonicalize().with_context(|| format!("cannot find the tap set {}", taps.display()))?;
-                PathBuf::from(folder.file_name().unwrap_or_default())
+                let out = PathBuf::from(folder.file_name().unwrap_or_default());
+                if out.canonicalize().is_ok_and(|out| out == folder) {
+                    bail!("the results would go into the tap set {} itself: give --out FOLDER", taps.display());
+                }
+                out
             }
         };
         let reference = match &config.fuse.reference {

@@ -53,7 +53,9 @@ pub(crate) fn import(args: &ImportArgs) -> Result<bool> {
             None => (*channel).to_owned(),
         };
         let channels = unscaled.iter().map(named).collect::<Vec<_>>().join(" and ");
-        say(&format!("the scale of {channels} is not known: values are parts of full scale (FS), 1.0 of floats"));
+        say(&format!(
+            "the scale of {channels} is not known: values are parts of full scale (FS); of floats 1.0 is full scale"
+        ));
     }
     let mut why = if refused.is_empty() { String::new() } else { "; taps.csv lists them with the reason".to_owned() };
     if !unread.is_empty() {

@@ -2,13 +2,16 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Error, Result};
 use tapline_host::messages::with_causes;
 
 /// Time until the next attempt after a trouble: at first, and at most.
 const AGAIN_AFTER: (Duration, Duration) = (Duration::from_millis(500), Duration::from_secs(10));
+
+/// How long who works once tries without getting on.
+const ONCE_WITHIN: Duration = Duration::from_secs(60);
 
 /// How often it is looked whether to stop.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
@@ -18,7 +21,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(100);
 pub struct Until {
     /// Ends when this is set.
     pub stop: Arc<AtomicBool>,
-    /// Ends also when there is nothing left to do.
+    /// Ends also when there is nothing left to do, and fails if it has not got on for a minute.
     pub is_once: bool,
 }
 
@@ -42,20 +45,26 @@ impl Until {
 
 /// The trouble that lasts, so that each is logged once, and its end.
 #[derive(Debug, Default)]
-pub(crate) struct Trouble(Option<String>);
+pub(crate) struct Trouble(Option<(String, Instant)>);
 
 impl Trouble {
     pub(crate) fn begins(&mut self, error: &Error) {
         let text = with_causes(error.as_ref());
-        match self.0.as_ref() == Some(&text) {
+        let since = self.0.as_ref().map_or_else(Instant::now, |(_, since)| *since);
+        match self.0.as_ref().is_some_and(|(before, _)| *before == text) {
             true => tracing::debug!("{text}"),
             false => tracing::warn!("{text}; it is tried again"),
         }
-        self.0 = Some(text);
+        self.0 = Some((text, since));
+    }
+
+    /// How long it lasts.
+    fn lasts(&self) -> Duration {
+        self.0.as_ref().map_or(Duration::ZERO, |(_, since)| since.elapsed())
     }
 
     pub(crate) fn ends(&mut self) {
-        if let Some(text) = self.0.take() {
+        if let Some((text, _)) = self.0.take() {
             tracing::warn!("over: {text}");
         }
     }
@@ -63,7 +72,16 @@ impl Trouble {
 
 /// Runs `work`, one attempt after the other, each with a connection of its own, until one is done or it is over. An attempt calls
 /// [`Trouble::ends`] when it has got on, and looks itself whether it is over wherever it may go round without waiting for anything.
-pub(crate) fn run(until: &Until, mut work: impl AsyncFnMut(&mut Trouble) -> Result<()>) -> Result<()> {
+pub(crate) fn run(until: &Until, work: impl AsyncFnMut(&mut Trouble) -> Result<()>) -> Result<()> {
+    run_within(until, ONCE_WITHIN, work)
+}
+
+/// As [`run`]; who works once fails when a trouble has lasted for `once_within`.
+fn run_within(
+    until: &Until,
+    once_within: Duration,
+    mut work: impl AsyncFnMut(&mut Trouble) -> Result<()>,
+) -> Result<()> {
     let runtime =
         tokio::runtime::Builder::new_current_thread().enable_all().build().context("cannot start a runtime")?;
     runtime.block_on(async {
@@ -75,10 +93,39 @@ pub(crate) fn run(until: &Until, mut work: impl AsyncFnMut(&mut Trouble) -> Resu
                 () = until.over() => return Ok(()),
             };
             let Err(error) = attempt else { return Ok(()) };
+            if until.is_once && trouble.lasts() >= once_within {
+                return Err(error);
+            }
             let is_new = trouble.0.is_none();
             again_after = if is_new { AGAIN_AFTER.0 } else { (again_after * 2).min(AGAIN_AFTER.1) };
             trouble.begins(&error);
             until.wait(again_after).await;
         }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use anyhow::anyhow;
+
+    use super::*;
+
+    /// Catches a job that hangs for ever as no server is there, and one that fails at a trouble which was soon over.
+    #[test]
+    fn who_works_once_does_not_try_for_ever() {
+        let until = Until { stop: Arc::default(), is_once: true };
+        let mut attempts = 0;
+        let failed = run_within(&until, Duration::from_millis(600), async |_| {
+            attempts += 1;
+            Err(anyhow!("no server"))
+        });
+        assert_eq!((failed.unwrap_err().to_string(), attempts), ("no server".to_owned(), 3));
+        let mut attempts = 0;
+        let done = run_within(&until, Duration::from_millis(100), async |trouble| {
+            attempts += 1;
+            trouble.ends();
+            if attempts < 3 { Err(anyhow!("no server")) } else { Ok(()) }
+        });
+        assert!(done.is_ok() && attempts == 3);
+    }
 }

@@ -69,10 +69,19 @@ impl FolderArrivals {
     /// All casings of a set are at `station`, whatever its list says.
     ///
     /// # Errors
-    /// [`Error::Unreadable`] if the folder, or those for finished sets, cannot be created.
+    /// [`Error::Unwatchable`] if the folder, or those for finished sets, cannot be created.
     pub fn open(folder: &Path, station: u16) -> Result<Self, Error> {
+        if !folder.exists() {
+            // It may be a slip of who wrote the name.
+            tracing::warn!("station {station}: the folder {} was not there, and is made", folder.display());
+        }
         for part in [folder.to_owned(), folder.join(DONE), folder.join(FAILED)] {
-            fs::create_dir_all(&part).map_err(|source| Error::Unreadable { file: part, source })?;
+            fs::create_dir_all(&part).map_err(|source| Error::Unwatchable {
+                station,
+                folder: folder.to_owned(),
+                part,
+                source,
+            })?;
         }
         Ok(Self {
             folder: folder.to_owned(),
@@ -179,17 +188,27 @@ impl FolderArrivals {
         };
         self.fault = None;
         self.stuck.retain(|name| names.contains(name));
-        self.half = None;
+        let half_before = self.half.take();
         for name in names {
             if self.stuck.contains(&name) || self.sets.iter().any(|set| set.folder_name == name) {
                 continue;
             }
             let dir = self.folder.join(&name);
-            let missing: Vec<_> =
-                ["scan.toml", "taps.csv"].into_iter().filter(|file| !dir.join(file).exists()).collect();
-            if !missing.is_empty() {
-                self.half.get_or_insert_with(|| format!("{} in {}", missing.join(" and "), dir.display()));
-                continue;
+            match missing_tables(&dir) {
+                Ok(missing) if missing.is_empty() => {}
+                Ok(missing) => {
+                    self.half.get_or_insert_with(|| format!("{} in {}", missing.join(" and "), dir.display()));
+                    continue;
+                }
+                Err(error) => {
+                    let waits_for = format!("the tap set {}: {error}", dir.display());
+                    if self.half.is_none() && half_before.as_ref() != Some(&waits_for) {
+                        tracing::error!("station {}: {}: cannot be read: {error}", self.station, dir.display());
+                        self.refusals.push(format!("tap set {} cannot be read: {error}", name.display()));
+                    }
+                    self.half.get_or_insert(waits_for);
+                    continue;
+                }
             }
             match listed_tap_set(&dir, 1) {
                 Ok(list) => self.sets.push(OpenSet::new(name, &dir, list)),
@@ -266,6 +285,17 @@ impl Arrivals for FolderArrivals {
     fn look_every(&self) -> Duration {
         LOOK_EVERY
     }
+}
+
+/// The tables that the tap set in `dir` lacks as yet.
+fn missing_tables(dir: &Path) -> io::Result<Vec<&'static str>> {
+    let mut missing = Vec::new();
+    for table in ["scan.toml", "taps.csv"] {
+        if !dir.join(table).try_exists()? {
+            missing.push(table);
+        }
+    }
+    Ok(missing)
 }
 
 /// The folders in `folder` that may be tap sets, in the order of their names. Links are left out.

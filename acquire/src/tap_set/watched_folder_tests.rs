@@ -65,6 +65,32 @@ fn sets_come_in_order_and_are_put_aside() {
     assert_eq!((names_in(&dir, "done"), next(&mut folder)), (["a", "a.2", "b"].map(str::to_owned).to_vec(), None));
 }
 
+/// Catches a set that belongs to another user and is taken for one whose tables are still to come.
+#[test]
+fn a_set_that_may_not_be_read_is_an_alarm() {
+    let (dir, mut folder) = watched();
+    deliver(&dir, "a", &["A"]);
+    // A link to itself cannot be followed, not even by root, whom permissions do not keep out.
+    let set = dir.path().join("inbox/a");
+    fs::remove_file(set.join("scan.toml")).unwrap();
+    std::os::unix::fs::symlink("scan.toml", set.join("scan.toml")).unwrap();
+    assert_eq!(next(&mut folder), None);
+    assert_eq!(next(&mut folder), None);
+    assert!(folder.waits_for().starts_with("the tap set ") && folder.waits_for().contains("inbox/a: "));
+    let refusals = folder.take_refusals();
+    assert!(refusals.len() == 1 && refusals[0].starts_with("tap set a cannot be read: "), "{refusals:?}");
+}
+
+/// Catches a folder that cannot be watched, and a message that does not name it.
+#[test]
+fn a_file_is_no_folder_to_watch() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("inbox");
+    fs::write(&file, "").unwrap();
+    let error = FolderArrivals::open(&file, 3).unwrap_err().to_string();
+    assert!(error.starts_with("station 3 cannot watch the folder ") && error.contains("inbox: File exists"), "{error}");
+}
+
 /// Catches a bad set that stops the station, is tried again, or is moved without its reason; and an incomplete set that
 /// is begun.
 #[test]

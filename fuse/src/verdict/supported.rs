@@ -33,8 +33,8 @@ pub fn tapped_once(set: &ReferenceSet) -> Option<String> {
         !shoulder.controls.is_empty() || shoulder.turns.iter().any(|turn| turn.repetition > 0)
     };
     (!set.shoulders.iter().any(has_repeats)).then(|| {
-        "reference: none of its places was tapped twice, so that it does not tell how far taps of one place differ, and more sound shoulders \
-         may not be passed than stated: scan more sound casings, or with scan.repetitions = 2"
+        "reference: no place was tapped twice, which would tell how far taps of one place differ: more sound shoulders than stated \
+         will fail to pass; scan more sound casings, or with scan.repetitions = 2"
             .to_owned()
     })
 }

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 use tapline_host::messages::counted;
 use tapline_store::Region;
-use tapline_wire::{Discriminator, Geometry, Reasons};
+use tapline_wire::{Discriminator, Geometry, Quality, Reasons};
 
 use crate::config::report::ReportConfig;
 use crate::report::evidence::{Evidence, Shoulder, Tyre, condition};
@@ -23,6 +23,7 @@ pub(crate) fn verdicts(geometry: Geometry, tyre: &Tyre) -> Markup {
                 td data-label="verdict" { (verdict_word(shoulder.verdict)) }
                 td data-label="why" {
                     (words::reasons(geometry, shoulder.reasons)) " "
+                    @if let Some(flags) = flags(shoulder) { (flags) " " }
                     (rests_on(shoulder))
                 }
                 td class="n" data-label="strongest arc" {
@@ -34,6 +35,16 @@ pub(crate) fn verdicts(geometry: Geometry, tyre: &Tyre) -> Markup {
             } } }
         } }
     }
+}
+
+/// The flags on most taps, of which a reason of the verdict speaks.
+fn flags(shoulder: &Shoulder) -> Option<String> {
+    let found = shoulder.taps.iter().filter_map(|tap| tap.found.as_ref());
+    let flags = Quality::on_most(found.map(|found| found.quality)).into_iter();
+    let flags: Vec<String> =
+        flags.map(|(flag, share)| format!("{flag} on {:.0} % of the taps", 100.0 * share)).collect();
+    (shoulder.reasons.contains(Reasons::FLAGGED) && !flags.is_empty())
+        .then(|| format!("Flagged: {}.", flags.join(", ")))
 }
 
 /// The taps that a verdict rests on.

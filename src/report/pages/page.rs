@@ -249,18 +249,35 @@ pub(crate) fn lineage(evidence: &Evidence) -> Markup {
 
 /// First and last time of `taps`, as text. Recordings from elsewhere have no time; theirs is the epoch.
 pub(crate) fn when<'a>(taps: impl Iterator<Item = &'a Tap>) -> String {
-    let times_ns: Vec<i64> = taps.filter_map(|tap| tap.time_ns).collect();
-    let Some((first, last)) = times_ns.iter().min().zip(times_ns.iter().max()) else { return "not yet".to_owned() };
-    match (*first, *last) {
-        (0, 0) => "at a time that was not recorded".to_owned(),
-        (first, last) if first == last => words::moment(first),
-        (first, last) => format!("{} to {}", words::moment(first), words::moment(last)),
+    between(taps.filter_map(|tap| tap.time_ns))
+}
+
+fn between(times_ns: impl Iterator<Item = i64>) -> String {
+    let (unknown, known): (Vec<i64>, Vec<i64>) = times_ns.partition(|&time_ns| time_ns == 0);
+    let others = if unknown.is_empty() { "" } else { ", some at a time that was not recorded" };
+    match known.iter().min().zip(known.iter().max()) {
+        None if unknown.is_empty() => "not yet".to_owned(),
+        None => "at a time that was not recorded".to_owned(),
+        Some((first, last)) if first == last => format!("{}{others}", words::moment(*first)),
+        Some((first, last)) => format!("{} to {}{others}", words::moment(*first), words::moment(*last)),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Catches a shift that seems to have begun in 1970, as some of its recordings have no time.
+    #[test]
+    fn unknown_times_are_no_times() {
+        let (one, two) = (1_767_225_600_000_000_000, 1_767_225_640_000_000_000);
+        let said =
+            [vec![], vec![0, 0], vec![one], vec![two, one], vec![0, two, one]].map(|all| between(all.into_iter()));
+        let range = "2026-01-01 00:00:00 UTC to 2026-01-01 00:00:40 UTC";
+        let unknown = "at a time that was not recorded";
+        assert_eq!(said[..4], ["not yet", unknown, "2026-01-01 00:00:00 UTC", range]);
+        assert_eq!(said[4], format!("{range}, some {unknown}"));
+    }
 
     /// Catches a rate with the noise of its division, and one that is rounded to nothing.
     #[test]
