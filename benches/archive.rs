@@ -93,7 +93,8 @@ fn main() -> Result<()> {
                 scan.taps.len()
             ),
             "Judging again: reading, checking, unpacking, discriminators and verdicts on one core; the Python program \
-             (`benches/peer.py`: h5py, scipy) reads the same file and computes the discriminators alone."
+             (`benches/peer.py`: h5py, scipy) reads the same file and computes the discriminators alone. \
+             Of both the second of two passes counts."
                 .to_owned(),
         ],
         rows,
@@ -213,7 +214,7 @@ fn reprocessing(scan: &Scan, archive: &Reader, record_s: f64, aim: &str) -> Resu
     };
     let (mut open, mut both, mut fuse, mut peer) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for _ in 0..ROUNDS {
-        // Untimed first: this one waited for Python, which has its imports behind it when its time begins.
+        // Untimed first, as Python's.
         judge_again()?;
         let [of_open, of_both, of_fuse] = judge_again()?;
         open.push(of_open);

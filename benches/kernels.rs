@@ -31,7 +31,7 @@ const ROUNDS: usize = 12;
 /// slows down, and slows arithmetic more than memory.
 const TURNS: usize = 10;
 /// How long a kernel runs untimed before each turn: the first calls after another kernel's take longer, until caches, clock and
-/// branch predictor have settled. One call of Python's takes that long.
+/// branch predictor have settled.
 const WARM_FOR: Duration = Duration::from_millis(10);
 /// Samples of all taps of a turn, from all over the tyre: 4 MiB of records, more than the inner caches hold.
 const SAMPLES: usize = 1 << 21;
@@ -137,7 +137,7 @@ fn main() -> Result<()> {
         notes: vec![
             format!(
                 "One core, {ROUNDS} rounds of {TURNS} turns each. The fastest turn of a round counts: other work of the host only slows down. \
-                 Before each, it runs untimed for 10 ms, but for what is streamed. Simulated taps of the dissertation's scan and the default seed, \
+                 Before each turn the kernel runs untimed for 10 ms, Python's too, but not what is streamed. Simulated taps of the dissertation's scan and the default seed, \
                  4 MiB of records a turn."
             ),
             "The seven discriminators of the method with all quality flags, from force and sound of 16 bits. The Python programs \

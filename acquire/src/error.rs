@@ -17,12 +17,10 @@ pub enum Error {
         source: std::io::Error,
     },
     /// A folder cannot be watched.
-    #[error("station {station} cannot watch the folder {}: {}: {source}", folder.display(), part.display())]
+    #[error("station {station} cannot watch its folder: {} cannot be made: {source}", part.display())]
     Unwatchable {
         /// The station.
         station: u16,
-        /// Its folder.
-        folder: PathBuf,
         /// What cannot be made: the folder, or one within it.
         part: PathBuf,
         /// What the system says.

@@ -244,9 +244,11 @@ pub fn validate_stations(stations: &[StationConfig]) -> Result<(), Error> {
     Ok(())
 }
 
-/// The absolute path of a folder, however it is named: without links if it is there.
+/// The absolute path of a folder, however it is named: without links as far as it is there.
 fn resolved(folder: &Path) -> PathBuf {
-    folder.canonicalize().or_else(|_| std::path::absolute(folder)).unwrap_or_else(|_| folder.to_path_buf())
+    let whole = std::path::absolute(folder).unwrap_or_else(|_| folder.to_path_buf());
+    let there = whole.ancestors().find_map(|part| Some((part.canonicalize().ok()?, whole.strip_prefix(part).ok()?)));
+    there.map_or_else(|| whole.clone(), |(there, rest)| there.join(rest))
 }
 
 /// Opens where the casings of `station` come from; `wake` is called when a rig has answered, or a tap was heard.

@@ -46,7 +46,7 @@ pub(crate) struct UplinkArgs {
     pub site: Site,
     #[command(flatten)]
     pub server: ServerArgs,
-    /// End once a centre has answered for every file now present; code 3 if it refused one.
+    /// End once a centre has answered for every file now present; code 3 if it refused one, 1 if there was nothing but trouble for a minute.
     #[arg(long)]
     pub once: bool,
     /// Send files again that a centre has refused; none that it has received.
@@ -66,7 +66,7 @@ pub(crate) struct CollectArgs {
     pub from: String,
     #[command(flatten)]
     pub server: ServerArgs,
-    /// End when no file waits.
+    /// End when no file waits; code 1 if there was nothing but trouble for a minute.
     #[arg(long)]
     pub once: bool,
     /// Print what becomes of each file as a line of JSON.

@@ -60,13 +60,14 @@ impl Job {
             (None, Some(taps)) => {
                 let folder =
                     taps.canonicalize().with_context(|| format!("cannot find the tap set {}", taps.display()))?;
-                let out = PathBuf::from(folder.file_name().unwrap_or_default());
-                if out.canonicalize().is_ok_and(|out| out == folder) {
-                    bail!("the results would go into the tap set {} itself: give --out FOLDER", taps.display());
-                }
-                out
+                PathBuf::from(folder.file_name().unwrap_or_default())
             }
         };
+        let is_out =
+            |taps: &PathBuf| out.canonicalize().is_ok_and(|out| taps.canonicalize().is_ok_and(|taps| taps == out));
+        if let Some(taps) = args.taps.as_ref().filter(|taps| is_out(taps)) {
+            bail!("the results would go into the tap set {} itself: give --out another folder", taps.display());
+        }
         let reference = match &config.fuse.reference {
             Some(Reference::File(path)) => ReferenceSource::File(path.clone()),
             _ => ReferenceSource::None,

@@ -63,7 +63,8 @@ pub struct Collected {
 /// Takes files until it is over; whether none was refused. `tell` hears of each.
 ///
 /// # Errors
-/// A folder that cannot be used: all other troubles are logged, and it is tried again.
+/// A folder that cannot be used, and what lasts for a minute when it is to be done once. All other troubles are logged, and it is tried
+/// again.
 pub fn collect(
     server: &Server,
     collector: &Collector,

@@ -94,7 +94,8 @@ impl State {
 /// `tell` hears of each that was sent or is refused, once.
 ///
 /// # Errors
-/// A runtime that cannot be started: all other troubles are logged, and it is tried again.
+/// A runtime that cannot be started, and what lasts for a minute when it is to be done once. All other troubles are logged, and it is tried
+/// again.
 pub fn send(
     server: &Server,
     sender: &Sender,
@@ -164,6 +165,7 @@ impl Sending<'_> {
             self.again = false;
             for path in &paths {
                 self.put(carrier, path).await?;
+                trouble.is_not_all();
             }
             trouble.ends();
             let is_unreadable = |state: &State| matches!(state, State::Unreadable(_));

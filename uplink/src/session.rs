@@ -58,7 +58,14 @@ impl Trouble {
         self.0 = Some((text, since));
     }
 
-    /// How long it lasts.
+    /// Something went well meanwhile, which does not end it.
+    pub(crate) fn is_not_all(&mut self) {
+        if let Some((_, since)) = &mut self.0 {
+            *since = Instant::now();
+        }
+    }
+
+    /// How long it has lasted since something went well.
     fn lasts(&self) -> Duration {
         self.0.as_ref().map_or(Duration::ZERO, |(_, since)| since.elapsed())
     }
@@ -115,7 +122,7 @@ mod tests {
     fn who_works_once_does_not_try_for_ever() {
         let until = Until { stop: Arc::default(), is_once: true };
         let mut attempts = 0;
-        let failed = run_within(&until, Duration::from_millis(600), async |_| {
+        let failed = run_within(&until, Duration::from_secs(1), async |_| {
             attempts += 1;
             Err(anyhow!("no server"))
         });

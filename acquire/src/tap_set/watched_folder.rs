@@ -44,6 +44,8 @@ pub struct FolderArrivals {
     stuck: BTreeSet<OsString>,
     /// What the first set lacks whose tables have not both come.
     half: Option<String>,
+    /// Sets that may not be read; they are tried again.
+    unreadable: BTreeSet<OsString>,
     /// Why the folder itself cannot be read.
     fault: Option<String>,
     /// Alarms for people.
@@ -76,12 +78,7 @@ impl FolderArrivals {
             tracing::warn!("station {station}: the folder {} was not there, and is made", folder.display());
         }
         for part in [folder.to_owned(), folder.join(DONE), folder.join(FAILED)] {
-            fs::create_dir_all(&part).map_err(|source| Error::Unwatchable {
-                station,
-                folder: folder.to_owned(),
-                part,
-                source,
-            })?;
+            fs::create_dir_all(&part).map_err(|source| Error::Unwatchable { station, part, source })?;
         }
         Ok(Self {
             folder: folder.to_owned(),
@@ -89,6 +86,7 @@ impl FolderArrivals {
             sets: Vec::new(),
             stuck: BTreeSet::new(),
             half: None,
+            unreadable: BTreeSet::new(),
             fault: None,
             refusals: Vec::new(),
         })
@@ -188,7 +186,8 @@ impl FolderArrivals {
         };
         self.fault = None;
         self.stuck.retain(|name| names.contains(name));
-        let half_before = self.half.take();
+        self.half = None;
+        self.unreadable.retain(|name| names.contains(name));
         for name in names {
             if self.stuck.contains(&name) || self.sets.iter().any(|set| set.folder_name == name) {
                 continue;
@@ -201,12 +200,11 @@ impl FolderArrivals {
                     continue;
                 }
                 Err(error) => {
-                    let waits_for = format!("the tap set {}: {error}", dir.display());
-                    if self.half.is_none() && half_before.as_ref() != Some(&waits_for) {
+                    self.half.get_or_insert_with(|| format!("the tap set {}: {error}", dir.display()));
+                    if self.unreadable.insert(name.clone()) {
                         tracing::error!("station {}: {}: cannot be read: {error}", self.station, dir.display());
                         self.refusals.push(format!("tap set {} cannot be read: {error}", name.display()));
                     }
-                    self.half.get_or_insert(waits_for);
                     continue;
                 }
             }

@@ -88,7 +88,10 @@ fn a_file_is_no_folder_to_watch() {
     let file = dir.path().join("inbox");
     fs::write(&file, "").unwrap();
     let error = FolderArrivals::open(&file, 3).unwrap_err().to_string();
-    assert!(error.starts_with("station 3 cannot watch the folder ") && error.contains("inbox: File exists"), "{error}");
+    assert!(
+        error.starts_with("station 3 cannot watch its folder: ") && error.contains("inbox cannot be made: File exists"),
+        "{error}"
+    );
 }
 
 /// Catches a bad set that stops the station, is tried again, or is moved without its reason; and an incomplete set that

@@ -18,7 +18,7 @@ use crate::format::layout::HeaderRow;
 use crate::h5::location::ChunkLocation;
 use crate::h5::samples::{ChunkRows, unpadded};
 
-/// So many bytes of a chunk have the whole head of a record of up to 40 blocks; of a longer one all is read.
+/// So many bytes of a chunk have the whole head of a record of up to 40 blocks; where no more is read at first, all is read of a longer one.
 const HEAD_BYTES_MAX: usize = 512;
 
 /// Buffers of one record, which a caller reuses for many.

@@ -53,7 +53,7 @@ impl CasingLimits {
             ("taps that may be added", room, self.room, "taps_max"),
             ("scans", need.scans, self.scans, "scans_max"),
             ("locations a scan", need.locations, self.locations, "taps_max"),
-            ("bytes a record", need.record_bytes, self.record_bytes, "record_samples_max"),
+            ("bytes a record", need.record_bytes, self.record_bytes, "record_samples_max, 4 bytes each"),
         ]
         .into_iter()
         .find(|&(_, need, most, _)| need > most)

@@ -86,7 +86,7 @@ flags! {
         LOCATION_BLIND = 5, "location_blind":
             "At least one location has no usable value, or a part of the ring was not tapped: damage there would not show.";
         NO_INDEX = 6, "no_index":
-            "The damage index could not be formed: no usable discriminator, or too few locations for limits.";
+            "The damage index could not be formed: no usable discriminator or reference, or too few locations for limits.";
         SELF_REFERENCE = 7, "self_reference":
             "Compared with itself, not with a casing known to be sound: damage all round would not show.";
         FEATURES_ABSENT = 8, "features_absent":
@@ -116,7 +116,7 @@ flags! {
         LEVEL_UNKNOWN = 20, "level_unknown":
             "The reference has too few casings to tell how the levels of sound shoulders differ: damage all round would not show.";
         NOT_COMPARABLE = 21, "not_comparable":
-            "The reference was tapped, recorded or analysed otherwise: nothing of this casing could be compared with it.";
+            "The reference was tapped at other places, or recorded or analysed otherwise: nothing of this casing could be compared with it.";
         ONE_SHOULDER = 22, "one_shoulder":
             "The other shoulder of the casing was not tapped: damage there would not show.";
     }
