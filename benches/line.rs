@@ -20,8 +20,8 @@ use tempfile::TempDir;
 
 const ROUNDS: usize = 5;
 const STATIONS: [u16; 3] = [1, 2, 4];
-/// Full turns of all stations together; every line has the same number of taps, 38784: enough that starting processes is little of the time.
-const TURNS: u16 = 32;
+/// Full turns of all stations together; every line has the same number of taps, 77568: enough that starting processes is little of the time.
+const TURNS: u16 = 64;
 /// What a rig makes at most, taps per second of a station.
 const REAL_TAPS_PER_S: f64 = 2.5;
 
@@ -120,7 +120,7 @@ fn keep(lines: &[Vec<Pace>; 3], halves: &[Pace], replayed: &[Pace], alone: &[f64
         command: "cargo build --release -p tapline && cargo bench -p tapline-bench --bench line".to_owned(),
         notes: vec![
             format!(
-                "`tapline run` on 38784 simulated taps of 50 ms, the default seed, each shoulder compared with itself, {ROUNDS} rounds; \
+                "`tapline run` on 77568 simulated taps of 50 ms, the default seed, each shoulder compared with itself, {ROUNDS} rounds; \
                  nothing is lost, or the bench fails. Processor times are of 2 stations, by the system's clock of 10 ms."
             ),
             "The same work by one process: discriminators, fusion and the synced archive of the same taps, one after another in memory, \
