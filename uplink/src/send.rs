@@ -164,8 +164,7 @@ impl Sending<'_> {
             self.ask(carrier, &paths, tell).await?;
             self.again = false;
             for path in &paths {
-                self.put(carrier, path).await?;
-                trouble.is_not_all();
+                self.put(carrier, path, trouble).await?;
             }
             trouble.ends();
             let is_unreadable = |state: &State| matches!(state, State::Unreadable(_));
@@ -287,7 +286,7 @@ impl Sending<'_> {
     }
 
     /// Has the server keep the file at `path`, if no centre has spoken of it, it does not, and not too many are on their way.
-    async fn put(&mut self, carrier: &impl Carrier, path: &PathBuf) -> Result<()> {
+    async fn put(&mut self, carrier: &impl Carrier, path: &PathBuf, trouble: &mut Trouble) -> Result<()> {
         let (is_sent, digest) = match self.files.get(path) {
             None | Some(State::Settled { .. }) => return Ok(()),
             Some(State::Waits { asked: Some(asked), .. } | State::Unreadable(asked)) if asked.elapsed() < ASK_AFTER => {
@@ -313,6 +312,7 @@ impl Sending<'_> {
                 match carrier.publish(&file, &there).await {
                     Ok(digest) => {
                         tracing::info!("sent {file}: {} bytes", metadata.len());
+                        trouble.starts_over();
                         State::Waits { digest: Some(digest), asked: Some(Instant::now()) }
                     }
                     Err(error) => match digest_of(&there) {

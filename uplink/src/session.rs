@@ -58,8 +58,8 @@ impl Trouble {
         self.0 = Some((text, since));
     }
 
-    /// Something went well meanwhile, which does not end it.
-    pub(crate) fn is_not_all(&mut self) {
+    /// Counts its time anew, as something went well meanwhile; that does not end it.
+    pub(crate) fn starts_over(&mut self) {
         if let Some((_, since)) = &mut self.0 {
             *since = Instant::now();
         }
