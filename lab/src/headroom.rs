@@ -34,6 +34,7 @@ const SHARED: &str = "/dev/shm";
 
 /// How the host is measured.
 #[derive(Debug, Args)]
+#[command(allow_negative_numbers = true)]
 pub struct HeadroomArgs {
     /// Stations of the second line that is tried; the first has one.
     #[arg(long, default_value_t = 32, value_parser = clap::value_parser!(u16).range(2..=1024))]

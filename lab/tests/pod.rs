@@ -241,6 +241,16 @@ fn what_is_wrong_is_named() {
     ] {
         assert!(refusal(rows).contains(expected), "{rows}: {}", refusal(rows));
     }
+    // Two tyres of one name, as simulations with two seeds have them.
+    let of = |at_ns, known: &[u32]| {
+        let shoulder = Shoulder { known: Some(known.to_vec()), ..Shoulder::new("B", 1, &ring(1.0)) };
+        Archive::new(at_ns, &[shoulder])
+    };
+    fs::create_dir(sandbox.path("two")).unwrap();
+    of(1, &[3, 4]).write(&sandbox.path("two/1.h5"));
+    of(2, &[6]).write(&sandbox.path("two/2.h5"));
+    let err = sandbox.run("pod two").expect(1).err;
+    assert!(err.contains("1.h5 and 2.h5 know other cracks of tyre B shoulder 1"), "{err}");
     fs::write(sandbox.path("casings/broken.h5"), "no archive").unwrap();
     fs::write(sandbox.path("truth.csv"), format!("{HEAD}A,1,,0,\n")).unwrap();
     let done = sandbox.run("pod casings --truth truth.csv --json");

@@ -1,13 +1,16 @@
 //! Questions in SQL over the tables of casing files.
 
 use std::io::Write;
+use std::path::{Path, absolute};
 use std::sync::Arc;
 
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, bail};
 use datafusion::arrow::array::RecordBatch;
 use datafusion::arrow::csv::WriterBuilder;
 use datafusion::arrow::json::LineDelimitedWriter;
 use datafusion::arrow::util::pretty::pretty_format_batches;
+use datafusion::common::tree_node::{TreeNode as _, TreeNodeRecursion};
+use datafusion::logical_expr::LogicalPlan;
 use datafusion::prelude::SessionContext;
 use futures_util::TryStreamExt as _;
 
@@ -65,6 +68,7 @@ pub async fn answer(question: &Question, engine: &Engine, out: &mut impl Write) 
     let context = engine.connect().await?;
     register(&context, &files, question.files_per_task)?;
     let frame = context.sql(&question.sql).await.with_context(|| format!("cannot plan {:?}", question.sql))?;
+    check_copies(frame.logical_plan())?;
     let schema = Arc::clone(frame.schema().inner());
     let mut rows = frame.execute_stream().await.with_context(|| engine.at())?;
     let mut next = async || -> Result<Option<RecordBatch>> { rows.try_next().await.with_context(|| engine.at()) };
@@ -92,4 +96,41 @@ pub async fn answer(question: &Question, engine: &Engine, out: &mut impl Write) 
         }
     }
     out.flush().context("cannot write rows")
+}
+
+/// Checks what a `COPY` in `plan` would write to: files that are not there yet, where files can be made.
+///
+/// DataFusion replaces what is there, and tries without end to open a file that it cannot make.
+fn check_copies(plan: &LogicalPlan) -> Result<()> {
+    let mut targets = Vec::new();
+    let walked = plan.apply(|node| {
+        if let LogicalPlan::Copy(copy) = node {
+            targets.push(copy.output_url.clone());
+        }
+        Ok(TreeNodeRecursion::Continue)
+    });
+    walked.context("cannot look through the plan")?;
+    targets.iter().try_for_each(|target| check_target(target))
+}
+
+fn check_target(target: &str) -> Result<()> {
+    let path = match target.split_once("://") {
+        Some(("file", path)) => path,
+        Some((scheme, _)) => {
+            bail!("COPY writes files, and {target:?} is in {scheme}: give a path, and copy from there")
+        }
+        None => target,
+    };
+    let path = absolute(path).with_context(|| format!("COPY TO {target:?}: no usable path"))?;
+    match path.read_dir().map(|mut entries| entries.next().is_none()) {
+        Ok(true) => {}
+        Ok(false) => bail!("COPY TO {target:?}: this folder has files already; COPY writes into an empty or a new one"),
+        Err(_) if path.symlink_metadata().is_ok() => {
+            bail!("COPY TO {target:?}: it is there already, and nothing takes its place")
+        }
+        Err(_) => {}
+    }
+    let there = path.ancestors().find(|folder| folder.exists()).unwrap_or(Path::new("/"));
+    let probe = tempfile::Builder::new().prefix(".copy-").tempfile_in(there);
+    probe.map(drop).with_context(|| format!("COPY TO {target:?}: no file can be made in {}", there.display()))
 }

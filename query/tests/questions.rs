@@ -85,6 +85,7 @@ fn an_archive_that_was_cut_off_is_a_row_with_its_error() {
 #[test]
 fn what_cannot_be_asked_is_said() {
     let Some(sandbox) = Sandbox::new() else { return };
+    sandbox.truncate_one();
     let refusal = |arguments: &[&str]| sandbox.run(arguments).expect(1).err;
     let err = refusal(&["sql", "SELECT damage FROM damage", "in"]);
     assert!(
@@ -95,4 +96,19 @@ fn what_cannot_be_asked_is_said() {
     assert!(err.contains("cannot read nowhere"), "{err}");
     let err = refusal(&["sql", "SELECT * FROM damage", "in", "--engine", "cluster://127.0.0.1:1"]);
     assert!(err.contains("the query failed on cluster://127.0.0.1:1"), "{err}");
+    // An archive, another file, a folder with files, a place where no file can be, and one that is no file.
+    let archive = sandbox.path("in").join(TRUNCATED).display().to_string();
+    let before = std::fs::read(&archive).unwrap();
+    for (target, words) in [
+        (archive.as_str(), "nothing takes its place"),
+        ("in/", "has files already"),
+        ("/proc/x.csv", "no file can be made in /proc"),
+        ("s3://plant/x/", "is in s3"),
+    ] {
+        for statement in ["COPY (SELECT 1) TO", "EXPLAIN ANALYZE COPY (SELECT 1) TO"] {
+            let err = refusal(&["sql", &format!("{statement} '{target}' STORED AS CSV"), "in"]);
+            assert!(err.contains(words), "{target}: {err}");
+        }
+    }
+    assert_eq!(std::fs::read(&archive).unwrap(), before);
 }

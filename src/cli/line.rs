@@ -56,7 +56,7 @@ pub(crate) struct LineArgs {
     pub casings: Option<NonZeroUsize>,
     /// Serve a page of the running line, /metrics and /healthz over HTTP at this address.
     #[cfg(feature = "serve")]
-    #[arg(long, value_name = "ADDRESS:PORT")]
+    #[arg(long, value_name = "ADDRESS:PORT", value_parser = address)]
     pub serve: Option<SocketAddr>,
     /// File with the token that viewers of the page must have; needed for an address that other machines can reach.
     #[cfg(feature = "serve")]
@@ -87,4 +87,9 @@ pub(crate) struct StageArgs {
     /// Number of the process that started this one, with which it ends.
     #[arg(long)]
     pub child: i32,
+}
+
+#[cfg(feature = "serve")]
+fn address(text: &str) -> Result<SocketAddr, &'static str> {
+    text.parse().ok().ok_or("must be an address and a port, as 127.0.0.1:8088")
 }

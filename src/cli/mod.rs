@@ -164,7 +164,7 @@ pub(crate) enum Verb {
         #[arg(long, value_name = "TYRE/SHOULDER")]
         shoulder: Option<String>,
         /// Of this location of it the index, and what was found in every tap.
-        #[arg(long, requires = "shoulder")]
+        #[arg(long, requires = "shoulder", allow_negative_numbers = true)]
         location: Option<u32>,
         #[command(flatten)]
         results: ResultsArgs,

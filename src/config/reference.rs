@@ -7,6 +7,7 @@ use std::sync::Arc;
 use anyhow::{Context as _, Result, ensure};
 use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
 use tapline_process::ProcessConfig;
+use tapline_store::Reader;
 use tapline_wire::{Channel, Plan, Recording};
 
 /// A reference as it was read.
@@ -28,6 +29,21 @@ impl ReferenceFile {
         let set = Arc::new(ReferenceSet::parse(&text)?);
         Ok(Self { text, set })
     }
+}
+
+/// The results of an archive fused again, as its `fuse` and its reference have it; `None` where this program cannot do so.
+pub(crate) fn fused_again(
+    reader: &Reader,
+    fuse: &FuseConfig,
+    set: Option<Arc<ReferenceSet>>,
+) -> Result<Option<Fusion>> {
+    let directions = set.as_ref().map_or(fuse.directions, |set| set.directions);
+    let fuse = FuseConfig { directions, ..fuse.clone() };
+    let Ok(mut fusion) = Fusion::by(&fuse, reader.plan(), set) else { return Ok(None) };
+    for record in reader.discriminators()?.iter().flatten() {
+        fusion.push(record)?;
+    }
+    Ok(Some(fusion))
 }
 
 /// Makes the fusion of each casing, by the reference that the configuration names.
@@ -85,6 +101,8 @@ impl Fusions {
              itself, give `--reference self`",
             plan.scans().first().map_or_else(|| "a casing".to_owned(), |scan| format!("casing {}", scan.tyre))
         );
+        let is_cracked = plan.truth().iter().any(|(&(of, side, _), &is)| is && of == *tyre && side == *shoulder);
+        ensure!(!is_cracked, "the reference is {tyre}/{shoulder}, which is known to be cracked");
         Ok(())
     }
 }

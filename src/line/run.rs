@@ -29,6 +29,7 @@ use crate::line::process_name::name_process;
 use crate::line::setup::{Arriving, Setup, absolute};
 use crate::line::summary::summarise;
 use crate::line::supervisor::{Audience, Pace, ShowStatus, Supervisor};
+use crate::shown::verdict::Form;
 use crate::wires::Wires;
 
 /// How long stages of an earlier line may take to end with it: as any stage, and a little more.
@@ -52,17 +53,22 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
     folder.clear_left(GONE_WITHIN)?;
     let places = setup.places();
     let finished = listed.names.iter().filter(|name| places.finished(name).is_some()).count();
-    let pace = if finished == listed.names.len() {
+    let is_done = finished == listed.names.len();
+    if !is_done {
+        setup.check_machine()?;
+    }
+    say_unsupported(&job)?;
+    let pace = if is_done {
         Pace::default()
     } else {
-        setup.check_machine()?;
-        say_unsupported(&job)?;
         if job.taps.is_none() {
             remark_on_scan(&job.config.scan);
         }
         let stop = stop_at_signals()?;
         let progress = scanning(&job, &listed, finished);
-        let audience = Audience { progress, wires: None, as_json: args.json, show: None };
+        // The rest of what is printed of a verdict is in the table at the end.
+        let form = if args.json { Form::Json } else { Form::Short };
+        let audience = Audience { progress, wires: None, form, show: None };
         operate(&setup, &mut folder, audience, Some(listed.names.len()), stop)?
     };
     drop(folder);
@@ -111,7 +117,8 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     folder.make_unreported()?;
     let (wires, said) = Wires::start(&job.config.line, &setup.limits.stations, &setup.places())?;
     said.iter().for_each(|text| progress.print(text));
-    let audience = Audience { progress, wires: Some(wires), as_json: args.json, show };
+    let form = if args.json { Form::Json } else { Form::Full };
+    let audience = Audience { progress, wires: Some(wires), form, show };
     let pace = operate(&setup, &mut folder, audience, args.casings.map(NonZeroUsize::get), stop)?;
     say_how_it_ended(&pace);
     Ok(pace.left_out.is_empty())

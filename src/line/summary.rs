@@ -11,7 +11,7 @@ use tapline_host::colour::Colour;
 use tapline_host::messages::counted;
 use tapline_host::table::{break_last_column, table};
 use tapline_store::Reader;
-use tapline_wire::{Discriminator, Ledger, Quality, TapState, Verdict};
+use tapline_wire::{Discriminator, Ledger, Quality, Reasons, TapState, Verdict};
 
 use crate::config::job::Job;
 use crate::line::setup::Setup;
@@ -256,30 +256,8 @@ fn stations(numbers: &[u16]) -> String {
 }
 
 fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
-    let mut table = table(["shoulder", "verdict", "arcs", "strongest / limit", "at", "why"]);
-    let cell = |value: Option<f64>| value.map_or_else(String::new, |v| format!("{v:.2}"));
-    for line in &summary.verdicts {
-        table.add_row([
-            format!("{}/{}", line.tyre, line.shoulder),
-            line.verdict.to_string(),
-            line.regions.to_string(),
-            // The limit of PASS, or of REJECT where that is the verdict.
-            format!(
-                "{} / {}",
-                cell(line.strongest_arc),
-                cell(match line.verdict {
-                    Verdict::Reject => line.limit_reject,
-                    _ => line.limit_re_inspect,
-                })
-            ),
-            line.peak_location.map_or_else(String::new, |l| l.to_string()),
-            // Parted by spaces, at which lines are broken.
-            line.why(", "),
-        ]);
-    }
-    break_last_column(&mut table);
     if !summary.verdicts.is_empty() {
-        writeln!(out, "{table}")?;
+        print_verdicts(out, &summary.verdicts)?;
     }
     if let Some(auc) = &summary.auc {
         let text = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.4}"));
@@ -296,12 +274,6 @@ fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
             text(auc.index),
             alone.join(", ")
         )?;
-    }
-    if summary.reference_is_self {
-        writeln!(out, "Each tyre is compared with itself (reference = \"self\"): damage all round would not show.")?;
-    }
-    for text in &summary.remarks {
-        writeln!(out, "{text}")?;
     }
     if !summary.flags.is_empty() {
         let flags: Vec<String> = summary.flags.iter().map(|(name, count)| format!("{name} {count}")).collect();
@@ -327,6 +299,42 @@ fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
     Ok(())
 }
 
+/// The verdicts as a table; remarks that hold for all are named once, below it.
+fn print_verdicts(out: &mut impl io::Write, verdicts: &[ShoulderVerdict]) -> Result<()> {
+    let holds_for_all = |name: &str| verdicts.iter().all(|verdict| verdict.reasons.split('|').any(|r| r == name));
+    // Flags have shares, which differ. Of one shoulder all is simpler in its row.
+    let remarks = Reasons::REMARKS.difference(Reasons::FLAGGED);
+    let remarks = Reasons::ALL.iter().filter(|(reason, _)| verdicts.len() > 1 && remarks.contains(*reason));
+    let common: Vec<&str> = remarks.map(|&(_, name)| name).filter(|name| holds_for_all(name)).collect();
+    let mut table = table(["shoulder", "verdict", "arcs", "strongest / limit", "at", "why"]);
+    let cell = |value: Option<f64>| value.map_or_else(String::new, |v| format!("{v:.2}"));
+    for line in verdicts {
+        table.add_row([
+            format!("{}/{}", line.tyre, line.shoulder),
+            line.verdict.to_string(),
+            line.regions.to_string(),
+            // The limit of PASS, or of REJECT where that is the verdict.
+            format!(
+                "{} / {}",
+                cell(line.strongest_arc),
+                cell(match line.verdict {
+                    Verdict::Reject => line.limit_reject,
+                    _ => line.limit_re_inspect,
+                })
+            ),
+            line.peak_location.map_or_else(String::new, |l| l.to_string()),
+            // Parted by spaces, at which lines are broken.
+            line.why(", ", &common),
+        ]);
+    }
+    break_last_column(&mut table);
+    writeln!(out, "{table}")?;
+    if !common.is_empty() {
+        writeln!(out, "All shoulders: {}", common.join(", "))?;
+    }
+    Ok(())
+}
+
 fn print_pace(out: &mut impl io::Write, pace: &PaceLine) -> Result<()> {
     if pace.taps == 0 {
         return Ok(());
@@ -346,11 +354,5 @@ fn print_pace(out: &mut impl io::Write, pace: &PaceLine) -> Result<()> {
         pace.taken_again,
         counted(pace.restarts as usize, "restart", "restarts")
     )?;
-    let of_each =
-        |text: &dyn Fn(&ProcessLine) -> String| pace.processes.iter().map(text).collect::<Vec<_>>().join(", ");
-    writeln!(out, "Peak memory, MB: {}", of_each(&|of| format!("{} {:.0}", of.name, of.peak_memory_mb)))?;
-    let us_per_tap = |s: f64| s * 1e6 / pace.taps as f64;
-    let times = of_each(&|of| format!("{} {:.0} + {:.0}", of.name, us_per_tap(of.user_s), us_per_tap(of.kernel_s)));
-    writeln!(out, "Processor time of a tap, us, own + system: {times}")?;
     Ok(())
 }

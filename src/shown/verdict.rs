@@ -36,6 +36,15 @@ pub(crate) struct CasingVerdict {
     pub file: PathBuf,
 }
 
+/// How a verdict is printed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Form {
+    /// Verdict and name: the rest follows in a table.
+    Short,
+    Full,
+    Json,
+}
+
 /// The verdict on one shoulder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ShoulderVerdict {
@@ -112,28 +121,21 @@ impl CasingVerdict {
         })
     }
 
-    /// Prints it: a line for each shoulder, or one of JSON for all.
-    pub(crate) fn print(&self, as_json: bool) -> Result<()> {
+    /// Prints it: in short or in full a line for each shoulder, or one of JSON for all.
+    pub(crate) fn print(&self, form: Form) -> Result<()> {
         let mut out = Stdout;
-        if as_json {
+        for shoulder in self.shoulders.iter().filter(|_| form != Form::Json) {
+            writeln!(out, "{}", if form == Form::Short { shoulder.short() } else { self.line(shoulder) })?;
+        }
+        if form == Form::Json {
             writeln!(out, "{}", serde_json::to_string(self)?)?;
-        } else {
-            for shoulder in &self.shoulders {
-                writeln!(out, "{}", self.line(shoulder))?;
-            }
         }
         Ok(out.flush()?)
     }
 
     fn line(&self, shoulder: &ShoulderVerdict) -> String {
-        let ShoulderVerdict { tyre, shoulder: number, verdict, .. } = shoulder;
-        let reasons = shoulder.why("|");
-        let colour = match verdict {
-            Verdict::Pass => Colour::Good,
-            Verdict::ReInspect => Colour::Doubtful,
-            Verdict::Reject => Colour::Bad,
-        };
-        let mut line = format!("{} {tyre}/{number}", colour.on_stdout(&format!("{:<10}", verdict.to_string())));
+        let reasons = shoulder.why("|", &[]);
+        let mut line = shoulder.short();
         if let (Some(arc), Some(re_inspect), Some(reject)) =
             (shoulder.strongest_arc, shoulder.limit_re_inspect, shoulder.limit_reject)
         {
@@ -194,11 +196,22 @@ impl ShoulderVerdict {
         Ok(line)
     }
 
-    /// Its reasons for people, with `between` them; flags that it speaks of have their names and shares.
-    pub(crate) fn why(&self, between: &str) -> String {
+    /// The verdict in colour, and its name.
+    fn short(&self) -> String {
+        let colour = match self.verdict {
+            Verdict::Pass => Colour::Good,
+            Verdict::ReInspect => Colour::Doubtful,
+            Verdict::Reject => Colour::Bad,
+        };
+        let verdict = colour.on_stdout(&format!("{:<10}", self.verdict.to_string()));
+        format!("{verdict} {}/{}", self.tyre, self.shoulder)
+    }
+
+    /// Its reasons but some for people, with `between` them; flags that it speaks of have their names and shares.
+    pub(crate) fn why(&self, between: &str, but: &[&str]) -> String {
         let flags = self.flags.iter().map(|(name, share)| format!("{name} on {:.0} % of the taps", 100.0 * share));
         let flagged = flags.collect::<Vec<_>>().join(", ");
-        let reasons = self.reasons.split('|').map(|reason| match reason {
+        let reasons = self.reasons.split('|').filter(|reason| !but.contains(reason)).map(|reason| match reason {
             "flagged" if !flagged.is_empty() => format!("flagged: {flagged}"),
             reason => reason.to_owned(),
         });

@@ -1,6 +1,6 @@
 //! `tapline diff`: what changed between the numbers of two archives of the same taps.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use serde::Serialize;
 use serde_json::json;
 use tapline_host::messages::counted;
 use tapline_store::{Judged, Reader, archive_of, lineage_changes};
-use tapline_wire::{Discriminator, Discriminators, Scan, Verdict};
+use tapline_wire::{Discriminator, Discriminators, Scan, TapId, Verdict};
 
 use crate::archives::{ArchiveFile, ArchiveProgress, Archives, Outcome, Which};
 use crate::verbs::explain::print;
@@ -113,14 +113,11 @@ struct ShoulderDifference {
 impl Difference {
     fn between(before: &Path, after: &Path) -> Result<Self> {
         let (a, b) = (Reader::open(before)?, Reader::open(after)?);
-        if a.plan().digest() != b.plan().digest() {
-            bail!(
-                "{} holds scan plan {:016x} and {} {:016x}: their taps cannot be compared one by one",
-                before.display(),
-                a.plan().digest(),
-                after.display(),
-                b.plan().digest()
-            );
+        let ids = |reader: &Reader| reader.plan().taps().iter().map(|tap| tap.id).collect::<Vec<_>>();
+        let (ids_a, ids_b) = (ids(&a), ids(&b));
+        if ids_a != ids_b {
+            let (before, after) = (before.display(), after.display());
+            bail!("{before} and {after} cannot be compared tap by tap: {}", what_differs(&ids_a, &ids_b));
         }
         let (found_a, found_b) = (a.discriminators()?, b.discriminators()?);
         let both = || found_a.iter().zip(&found_b).filter_map(|(a, b)| Some((a.as_ref()?, b.as_ref()?)));
@@ -137,6 +134,16 @@ impl Difference {
             flags_differ: both().filter(|(a, b)| a.quality != b.quality).count(),
             shoulders: judged.map(|((scan, a), b)| ShoulderDifference::of(scan, a.as_ref(), b.as_ref())).collect(),
         })
+    }
+}
+
+/// How the taps of two plans differ.
+fn what_differs(a: &[TapId], b: &[TapId]) -> String {
+    let (of_a, of_b): (BTreeSet<_>, BTreeSet<_>) = (a.iter().collect(), b.iter().collect());
+    let alone = [of_a.difference(&of_b).count(), of_b.difference(&of_a).count()];
+    match alone {
+        [0, 0] => "they have the same taps in another order".to_owned(),
+        [first, second] => format!("{first} taps are planned in the first alone, {second} in the second alone"),
     }
 }
 

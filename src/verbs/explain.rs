@@ -3,9 +3,11 @@
 use std::fmt::{self, Write as _};
 use std::io::Write as _;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use anyhow::{Context as _, Result, bail};
 use serde::Serialize;
+use tapline_fuse::ReferenceSet;
 use tapline_host::similar::did_you_mean;
 use tapline_host::table::table;
 use tapline_store::{Reader, digest_of, hex_of, lineage_changes};
@@ -14,6 +16,7 @@ use tapline_wire::{Discriminator, Scan, TapState, Verdict};
 use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
 use crate::config::Config;
 use crate::config::lineage::made_by;
+use crate::config::reference::fused_again;
 use tapline_host::stdout::Stdout;
 
 /// Prints where the results of the archives at `paths` come from; for one shoulder, and one location of it, also the numbers. Of
@@ -103,6 +106,8 @@ struct LocationExplanation {
     location: u32,
     damage_index: Option<f64>,
     region: Option<u32>,
+    /// What each discriminator alone says, [`tapline_fuse::Fusion::alone`]; absent where it says nothing.
+    scores: Vec<(&'static str, Option<f64>)>,
     taps: Vec<TapExplanation>,
 }
 
@@ -179,11 +184,27 @@ impl ShoulderExplanation {
                 location,
                 damage_index: cell.map(|cell| cell.damage_index),
                 region: cell.map(|cell| cell.region),
+                scores: scores_at(reader, number, location)?,
                 taps,
             })
         };
         Ok(Self { name: name.to_owned(), verdict, location: location.map(explain).transpose()? })
     }
+}
+
+/// What each discriminator alone says of a location of the scan with this `number`; nothing where this program cannot read the
+/// configuration or the reference.
+fn scores_at(reader: &Reader, number: usize, location: u32) -> Result<Vec<(&'static str, Option<f64>)>> {
+    let config = Config::parse(reader.config());
+    let set = reader.reference().map(ReferenceSet::parse).transpose();
+    let (Ok(config), Ok(set)) = (config, set) else { return Ok(Vec::new()) };
+    let Some(mut fusion) = fused_again(reader, &config.fuse, set.map(Arc::new))? else { return Ok(Vec::new()) };
+    let place = reader.plan().scans()[number].locations.iter().position(|&(known, _)| known == location);
+    let score = |which| -> Result<_> {
+        let scores = fusion.alone(number, which)?;
+        Ok((which.column(), place.map(|place| scores[place]).filter(|score| score.is_finite())))
+    };
+    Discriminator::ALL.into_iter().map(score).collect()
 }
 
 /// What was found in the taps of a location of the scan with this `number`.
@@ -251,35 +272,47 @@ impl fmt::Display for ShoulderExplanation {
                 "shoulder   {name}: {verdict}, for {reasons}; limits {limit_re_inspect:.3} and {limit_reject:.3}"
             )?,
         }
-        let Some(LocationExplanation { location, damage_index, region, taps }) = location else { return Ok(()) };
+        let Some(LocationExplanation { location, damage_index, region, scores, taps }) = location else {
+            return Ok(());
+        };
         if let (Some(index), Some(region)) = (damage_index, region) {
             writeln!(f, "location   {location}: index {index:.4}, region {region}")?;
         }
-        write!(f, "{}", texts_of(taps)?)
+        write!(f, "{}", texts_of(taps, scores)?)
     }
 }
 
 /// Taps that stand side by side in a table: as many as fit 80 columns.
-const TAPS_SIDE_BY_SIDE: usize = 5;
+const TAPS_SIDE_BY_SIDE: usize = 4;
 
-/// The taps as tables, a column each.
-fn texts_of(taps: &[TapExplanation]) -> Result<String, fmt::Error> {
+/// The taps as tables, a column each, and the scores behind them.
+fn texts_of(taps: &[TapExplanation], scores: &[(&str, Option<f64>)]) -> Result<String, fmt::Error> {
     let mut text = String::new();
     let short = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
     for taps in taps.chunks(TAPS_SIDE_BY_SIDE) {
-        let row = |name: &str, cell: &dyn Fn(&TapExplanation) -> String| {
-            std::iter::once(name.to_owned()).chain(taps.iter().map(cell)).collect::<Vec<_>>()
+        let row = |name: &str, score: &str, cell: &dyn Fn(&TapExplanation) -> String| {
+            let last = std::iter::once(score.to_owned()).filter(|_| !scores.is_empty());
+            std::iter::once(name.to_owned()).chain(taps.iter().map(cell)).chain(last).collect::<Vec<_>>()
         };
-        let mut table = table(row("offset_mm", &|tap| short(tap.offset_mm)));
-        table.add_row(row("velocity_m_per_s", &|tap| short(tap.velocity_m_per_s)));
-        table.add_row(row("repetition", &|tap| tap.repetition.to_string()));
-        table.add_row(row("attempt", &|tap| tap.attempt.map_or(String::new(), |attempt| attempt.to_string())));
+        let mut table = table(row("offset_mm", "score", &|tap| short(tap.offset_mm)));
+        table.add_row(row("velocity_m_per_s", "", &|tap| short(tap.velocity_m_per_s)));
+        table.add_row(row("repetition", "", &|tap| tap.repetition.to_string()));
+        table.add_row(row("attempt", "", &|tap| tap.attempt.map_or(String::new(), |attempt| attempt.to_string())));
         for (number, which) in Discriminator::ALL.into_iter().enumerate() {
             let value = |tap: &TapExplanation| tap.values.get(number).and_then(|(_, value)| *value);
-            table.add_row(row(which.column(), &|tap| value(tap).map_or(String::new(), |value| format!("{value:.4e}"))));
+            let score = scores.get(number).and_then(|(_, score)| *score);
+            let score = score.map_or_else(String::new, |score| format!("{score:.2}"));
+            let of_tap = |tap: &TapExplanation| value(tap).map_or(String::new(), |value| format!("{value:.4e}"));
+            table.add_row(row(which.column(), &score, &of_tap));
         }
-        table.add_row(row("quality", &|tap| tap.quality.clone()));
+        table.add_row(row("quality", "", &|tap| tap.quality.clone()));
         writeln!(text, "{table}")?;
+    }
+    if !scores.is_empty() {
+        writeln!(
+            text,
+            "score: of the location and its neighbours, in standard deviations of sound ones; damage raises it"
+        )?;
     }
     Ok(text)
 }

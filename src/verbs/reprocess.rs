@@ -3,13 +3,14 @@
 //! The archive is never changed. The results go to a file beside it, named after their lineage, which every other verb reads
 //! like an archive.
 
+use std::fs::File;
 use std::io::Write as _;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread::{Builder, available_parallelism, scope};
-use std::time::Instant;
+use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Context as _, Result, bail, ensure};
 use crossbeam::channel::{Sender, bounded};
@@ -20,13 +21,13 @@ use tapline_host::progress::{Progress, Unit};
 use tapline_host::signals::note_folder;
 use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_store::{Lineage, PutOutcome, ReadBuffer, Reader, Taps, Writer, lineage_key, results_path};
-use tapline_wire::{Discriminators, ScanState, TapHeader, TapState};
+use tapline_wire::{Discriminators, ScanState, TapHeader, TapState, now_ns};
 
 use crate::archives::{Archives, Outcome, Which};
 use crate::cli::archives::ReprocessArgs;
 use crate::config::Config;
 use crate::config::lineage::{made_by, of_discriminators};
-use crate::config::reference::{ReferenceFile, check_record_s, check_reference};
+use crate::config::reference::{Fusions, ReferenceFile};
 use tapline_host::stdout::Stdout;
 
 /// Most threads that may be asked for.
@@ -130,13 +131,9 @@ impl Task {
 
     /// The fusion of this archive's taps.
     fn fusion(&self) -> Result<Fusion> {
-        let plan = self.reader.plan();
-        check_record_s(&self.config.process, &plan.recording)?;
         let set = self.reference.as_deref().map(ReferenceSet::parse).transpose().context("cannot use the reference")?;
-        if let Some(set) = &set {
-            check_reference(set, &self.config.process, &plan.recording)?;
-        }
-        Ok(Fusion::by(&self.config.fuse, plan, set.map(Arc::new))?)
+        let Config { fuse, process, .. } = &self.config;
+        Fusions::new(fuse.clone(), *process, set.map(Arc::new)).check(self.reader.plan())
     }
 }
 
@@ -159,11 +156,15 @@ fn again(archive: &Path, asked: &Asked, from_samples: bool, jobs: usize) -> Resu
         made_by: &task.made_by,
         ..task.config_toml.as_str().into()
     };
-    // The same results were finished before.
+    // The same results were finished before. They are the newest again, which the other verbs take.
     if let Ok(there) = Reader::open(&out)
         && there.is_results()
         && there.lineage_key()? == key
     {
+        let now = SystemTime::UNIX_EPOCH + Duration::from_nanos(now_ns().unsigned_abs());
+        let touched = File::open(&out).and_then(|file| file.set_modified(now));
+        touched.with_context(|| format!("cannot make {} the newest results", out.display()))?;
+        tracing::info!("{} has these results already", out.display());
         return Ok(Results { path: out, lineage_key: key, is_complete: is_complete(&there) });
     }
     let plan = task.reader.plan();

@@ -50,10 +50,10 @@ fn sum_up(archives: &Archives, hurt: usize, as_json: bool) -> Result<()> {
         return Ok(());
     }
     for path in unfinished {
-        writeln!(out, "{}: UNDER WAY", path.display())?;
+        writeln!(out, "{}: NOT FINISHED", path.display())?;
     }
     let archives = counted(count, "archive", "archives");
-    writeln!(out, "{archives}: {} complete, {hurt} not; {} under way", count - hurt, unfinished.len())?;
+    writeln!(out, "{archives}: {} complete, {hurt} not; {} not finished", count - hurt, unfinished.len())?;
     Ok(())
 }
 

@@ -118,7 +118,7 @@ fn a_damaged_file_among_many_is_named_and_the_others_are_done() {
     assert_eq!(csv_rows(&with_one_damaged("export out verdicts").out).len(), 4);
     let verified = with_one_damaged("verify out").out;
     assert!(verified.contains("out/SIM-0002.h5: UNREADABLE\n"), "{verified}");
-    assert!(verified.ends_with("3 archives: 2 complete, 1 not; 0 under way\n"));
+    assert!(verified.ends_with("3 archives: 2 complete, 1 not; 0 not finished\n"));
     let last = with_one_damaged("verify out --json").out.lines().last().unwrap().to_owned();
     assert!(last.contains("\"complete\":2") && last.contains("\"is_complete\":false"), "{last}");
     // Nor is an empty file passed over: an archive that a copy never reached.
@@ -171,7 +171,10 @@ fn results_are_taken_when_they_are_asked_for() {
     );
     let said = sandbox.run("explain out --shoulder SIM-0003/1 --results").expect(0).out;
     assert!(said.starts_with("out/SIM-0003.") && said.matches("lineage").count() == 1, "{said}");
+    // Those that are asked for again are the newest again.
+    sandbox.run("reprocess out --reference self").expect(0);
     sandbox.run("reprocess out --reference sound.json").expect(0);
+    assert_eq!(csv_rows(&sandbox.run("export out verdicts --results").expect(0).out), after);
     assert!(sandbox.run("explain out --shoulder SIM-0009/1").expect(1).err.contains("none of the 3 archives"));
     assert!(sandbox.run("diff out sound.json").expect(3).out.contains("without a partner"));
 }
@@ -188,7 +191,7 @@ fn a_page_of_a_shift_is_of_all_days() {
     let shift = text(&sandbox.path("pages/shift.html"));
     assert!(shift.contains("SIM-0001") && shift.contains("SIM-0002") && !shift.contains("SIM-0003"));
     let checked = sandbox.run("verify day").expect(3);
-    assert!(checked.out.contains("day/open/SIM-0003.h5: UNDER WAY"), "{checked:?}");
+    assert!(checked.out.contains("day/open/SIM-0003.h5: NOT FINISHED"), "{checked:?}");
     let rows = csv_rows(&sandbox.run("export day verdicts").expect(0).out);
     assert_eq!(rows[3]["file"], "2026-11-24/SIM-0002.h5");
 }

@@ -128,7 +128,7 @@ fn a_labelled_reference_teaches() {
     let texts = summary["remarks"].as_array().unwrap();
     assert_eq!(texts.iter().filter(|text| remarks(text.as_str().unwrap()) == 1).count(), 1, "{texts:?}");
     let again = sandbox.run("run --config later.toml --out later");
-    assert_eq!((again.code, remarks(&again.out)), (Some(0), 1), "also when nothing is left to do: {again:?}");
+    assert_eq!((again.code, remarks(&again.err)), (Some(0), 1), "also when nothing is left to do: {again:?}");
 }
 
 /// Catches a casing that is cracked all round, as nobody knows, among those that passed by themselves; one that is stated to be
@@ -165,7 +165,7 @@ fn what_stands_out_of_a_reference_is_told() {
     let done = sandbox.run(&format!("reference scanned{named} --shoulder C1/1 --out stated.json")).expect(0);
     assert!(done.err.contains("C1 stands out from the other casings and may be cracked: limits"), "{done:?}");
     let done = sandbox.run("run --taps set --out again --reference stated.json").expect(0);
-    assert!(done.out.contains("reference: C1 may be cracked"), "{done:?}");
+    assert!(done.err.contains("reference: C1 may be cracked"), "{done:?}");
 }
 
 /// Catches a run without a clear reference, and errors that do not say what to do.

@@ -42,8 +42,8 @@ pub struct FolderArrivals {
     sets: Vec<OpenSet>,
     /// Sets that cannot be put aside; they stay where they are, and are not tried again.
     stuck: BTreeSet<OsString>,
-    /// What the first set lacks whose tables have not both come.
-    half: Option<String>,
+    /// What each set lacks whose tables have not both come.
+    half: Vec<String>,
     /// Sets that may not be read; they are tried again.
     unreadable: BTreeSet<OsString>,
     /// Why the folder itself cannot be read.
@@ -85,7 +85,7 @@ impl FolderArrivals {
             station,
             sets: Vec::new(),
             stuck: BTreeSet::new(),
-            half: None,
+            half: Vec::new(),
             unreadable: BTreeSet::new(),
             fault: None,
             refusals: Vec::new(),
@@ -186,7 +186,7 @@ impl FolderArrivals {
         };
         self.fault = None;
         self.stuck.retain(|name| names.contains(name));
-        self.half = None;
+        self.half.clear();
         self.unreadable.retain(|name| names.contains(name));
         for name in names {
             if self.stuck.contains(&name) || self.sets.iter().any(|set| set.folder_name == name) {
@@ -196,11 +196,11 @@ impl FolderArrivals {
             match missing_tables(&dir) {
                 Ok(missing) if missing.is_empty() => {}
                 Ok(missing) => {
-                    self.half.get_or_insert_with(|| format!("{} in {}", missing.join(" and "), dir.display()));
+                    self.half.push(format!("{} in {}", missing.join(" and "), dir.display()));
                     continue;
                 }
                 Err(error) => {
-                    self.half.get_or_insert_with(|| format!("the tap set {}: {error}", dir.display()));
+                    self.half.push(format!("the tap set {}: {error}", dir.display()));
                     if self.unreadable.insert(name.clone()) {
                         tracing::error!("station {}: {}: cannot be read: {error}", self.station, dir.display());
                         self.refusals.push(format!("tap set {} cannot be read: {error}", name.display()));
@@ -269,10 +269,11 @@ impl Arrivals for FolderArrivals {
 
     fn waits_for(&self) -> String {
         let folder = self.folder.display();
-        match (&self.fault, &self.half) {
+        match (&self.fault, &self.half[..]) {
             (Some(fault), _) => format!("the folder {folder}: {fault}"),
-            (None, Some(half)) => half.clone(),
-            (None, None) => format!("a tap set in {folder}"),
+            (None, []) => format!("a tap set in {folder}"),
+            (None, [half]) => half.clone(),
+            (None, [first, others @ ..]) => format!("{first}, and what {} more sets lack", others.len()),
         }
     }
 

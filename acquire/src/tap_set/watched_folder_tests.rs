@@ -114,7 +114,14 @@ fn bad_sets_are_put_aside_and_half_ones_waited_for() {
     close(&mut folder, "D");
     assert_eq!(next(&mut folder), None);
     assert!(folder.waits_for().starts_with("scan.toml in ") && folder.waits_for().ends_with("inbox/b"));
-    fs::remove_dir_all(inbox.join("b")).unwrap();
+    for name in ["e", "f"] {
+        fs::create_dir(inbox.join(name)).unwrap();
+    }
+    assert_eq!(next(&mut folder), None);
+    assert!(folder.waits_for().ends_with("inbox/b, and what 2 more sets lack"), "{}", folder.waits_for());
+    for name in ["b", "e", "f"] {
+        fs::remove_dir_all(inbox.join(name)).unwrap();
+    }
     deliver(&dir, "b", &["B"]);
     assert_eq!(next(&mut folder).as_deref(), Some("B"));
     folder.ended("B", &CasingEnd::Refused { reason: "too large".to_owned() });

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhow::{Context as _, Result, ensure};
+use anyhow::{Context as _, Result, bail, ensure};
 use tapline_host::progress::{Progress, Unit};
 use tapline_store::{Folder, Judged, Reader};
 use tapline_wire::{DamageCell, Geometry, Judgement, Scan, Verdict};
@@ -81,7 +81,14 @@ impl Scans {
         if let Some(first) = scans.unreadable.first() {
             ensure!(scans.unreadable.len() < files.len(), "none of {} archives can be read: {first}", files.len());
         }
-        for shoulder in scans.of_shoulder.values_mut() {
+        for ((tyre, side), shoulder) in &mut scans.of_shoulder {
+            let known = shoulder.iter().filter(|scan| scan.known.is_some());
+            if let Some((one, other)) = known.clone().zip(known.skip(1)).find(|(one, other)| one.known != other.known) {
+                let (one, other) = (&one.archive, &other.archive);
+                bail!(
+                    "{one} and {other} know other cracks of tyre {tyre} shoulder {side}: they are of two casings of one name"
+                );
+            }
             shoulder.sort_by(|a, b| (a.tapped_ns, &a.archive).cmp(&(b.tapped_ns, &b.archive)));
             // A copy is no second scan.
             let before = shoulder.len();

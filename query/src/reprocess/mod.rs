@@ -12,7 +12,7 @@ mod staging;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use anyhow::{Context as _, Result, ensure};
+use anyhow::{Context as _, Result, bail, ensure};
 use datafusion::arrow::array::{Array as _, BooleanArray, RecordBatch, StringArray, UInt64Array};
 
 pub use commit::{Committed, Row};
@@ -79,6 +79,11 @@ pub async fn reprocess(order: &Order, engine: &Engine) -> Result<Done> {
     let rows = context.read_table(Arc::new(table)).context("cannot plan the job")?.collect().await;
     let rows = rows.with_context(|| format!("{}; nothing is committed", engine.at()))?;
     let committed = Committed { rows: checked(rows_of(&rows)?, &files)?, ..Committed::new(job) };
+    // Then it is the request that is wrong.
+    if let Some(first) = committed.failed().next().filter(|_| committed.failed().count() == files.len()) {
+        let (file, why) = (&first.file, first.error.as_deref().unwrap_or("not judged"));
+        bail!("none of {} archives can be judged, and nothing is committed: {file}: {why}", files.len());
+    }
     let was_there = !gathering.commit(&committed, &files).await?;
     let committed = match was_there {
         true => Committed::read(&folder).await?.with_context(|| format!("{folder} is not committed"))?,

@@ -178,8 +178,9 @@ fn printed(output: &Output, work: &Path) -> Result<Result<Printed, String>> {
         return Ok(Ok(printed));
     }
     let err = String::from_utf8_lossy(&output.stderr).replace(&format!("{}/", work.display()), "");
-    let why = err.lines().rfind(|line| !line.trim().is_empty()).map(|line| line.trim_start_matches("tapline: "));
-    let why = why.map_or_else(|| format!("tapline reprocess ended with {}", output.status), str::to_owned);
+    // A message of several lines shows the place in a configuration.
+    let why = err.rsplit_once("tapline: ").map(|(_, why)| why.trim_end().to_owned());
+    let why = why.unwrap_or_else(|| format!("tapline reprocess ended with {}", output.status));
     ensure!(!OF_HOST.iter().any(|fault| why.contains(fault)), "{why}");
     Ok(Err(why))
 }

@@ -103,8 +103,8 @@ impl Supervisor<'_> {
     }
 
     fn print(&mut self, verdict: &CasingVerdict) {
-        let as_json = self.audience.as_json;
-        let Err(error) = self.audience.progress.beside(|| verdict.print(as_json)) else { return };
+        let form = self.audience.form;
+        let Err(error) = self.audience.progress.beside(|| verdict.print(form)) else { return };
         let (name, file): (_, &Path) = (&verdict.casing, &verdict.file);
         tracing::error!(casing = name, "cannot print the verdict, which is in {}: {error:#}", file.display());
         self.alarm(format!("{name}: the verdict could not be printed; it is in its file"));

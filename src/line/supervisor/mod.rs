@@ -24,6 +24,7 @@ use crate::line::stages::Stages;
 use crate::line::store_silence::StoreSilence;
 use crate::shown::casing::{CasingStatus, Layout, retaken};
 use crate::shown::status::{Alarm, StationStatus, Status};
+use crate::shown::verdict::Form;
 use crate::wires::Wires;
 
 /// How long a stage may take to end after it was asked to.
@@ -99,8 +100,8 @@ pub(crate) struct Audience {
     pub progress: Progress,
     /// Who receives the plant's verdicts; none of a list's.
     pub wires: Option<Wires>,
-    /// Whether verdicts are printed as JSON.
-    pub as_json: bool,
+    /// How verdicts are printed.
+    pub form: Form,
     pub show: Option<ShowStatus>,
 }
 

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use anyhow::Result;
-use tapline_fuse::{Fusion, OffsetMap, ReferenceSet};
+use tapline_fuse::{OffsetMap, ReferenceSet};
 use tapline_store::{Judged, Reader, Region, regions};
 use tapline_wire::{
     DamageCell, Discriminators, Geometry, Quality, Reasons, Recording, Scan, ScanState, Serial, SourceKind, TapState,
@@ -17,6 +17,7 @@ use tapline_wire::{
 };
 
 use crate::config::Config;
+use crate::config::reference::fused_again;
 use crate::report::evidence::condition::Condition;
 
 /// Everything that the pages of one archive show, except samples.
@@ -137,15 +138,8 @@ impl Evidence {
             config.fuse.directions = set.directions;
         }
         // Without a readable configuration there is no fusion, and no map of an offset.
-        let per_offset = match Fusion::by(&config.fuse, plan, reference.clone()) {
-            Ok(mut fusion) => {
-                for record in found.iter().flatten() {
-                    fusion.push(record)?;
-                }
-                offsets::maps(&mut fusion, plan.scans().len())
-            }
-            Err(_) => Vec::new(),
-        };
+        let fusion = fused_again(reader, &config.fuse, reference.clone())?;
+        let per_offset = fusion.map_or_else(Vec::new, |mut fusion| offsets::maps(&mut fusion, plan.scans().len()));
         let tap = |row: u32, places: &Places| {
             let planned = &plan.taps()[row as usize];
             let place = if planned.is_closing() { places.end() } else { places.at(planned.id.location) };

@@ -13,16 +13,21 @@ use crate::report::pages::words;
 
 /// Verdict and reasons of every shoulder.
 pub(crate) fn verdicts(geometry: Geometry, tyre: &Tyre) -> Markup {
+    let side = words::side(geometry);
+    // Remarks that hold for all are made once.
+    let reasons = tyre.shoulders.iter().map(|shoulder| shoulder.reasons);
+    let common = reasons.reduce(Reasons::intersection).filter(|_| tyre.shoulders.len() > 1).unwrap_or_default();
+    let common = common.intersection(Reasons::REMARKS.difference(Reasons::FLAGGED));
     html! {
         div class="scroll" { table class="cards" {
             thead { tr {
-                th { (words::side(geometry)) } th { "verdict" } th { "why" } th class="n" { "strongest arc" } th class="n" { "re-inspect at" } th class="n" { "reject at" }
+                th { (side) } th { "verdict" } th { "why" } th class="n" { "strongest arc" } th class="n" { "re-inspect at" } th class="n" { "reject at" }
             } }
             tbody { @for shoulder in &tyre.shoulders { tr {
-                td data-label=(words::side(geometry)) { (shoulder.number) }
+                td data-label=(side) { (shoulder.number) }
                 td data-label="verdict" { (verdict_word(shoulder.verdict)) }
                 td data-label="why" {
-                    (words::reasons(geometry, shoulder.reasons)) " "
+                    (words::reasons(geometry, shoulder.reasons.difference(common))) " "
                     @if let Some(flags) = flags(shoulder) { (flags) " " }
                     (rests_on(shoulder))
                 }
@@ -34,6 +39,7 @@ pub(crate) fn verdicts(geometry: Geometry, tyre: &Tyre) -> Markup {
                 td class="n" data-label="reject at" { (number(shoulder.limits.map(|limits| limits.reject))) }
             } } }
         } }
+        @if !common.is_empty() { p { "All " (side) "s: " (words::reasons(geometry, common)) } }
     }
 }
 
