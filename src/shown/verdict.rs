@@ -59,7 +59,9 @@ pub(crate) struct ShoulderVerdict {
     pub regions: usize,
     /// The regions: where damage lies.
     pub arcs: Vec<DamageArc>,
+    /// The greatest damage index in the region of the strongest arc, or without regions that of the shoulder.
     pub peak_damage_index: Option<f64>,
+    /// Where it is.
     pub peak_location: Option<u32>,
     /// How far the strongest arc stands out, which the limits are for.
     pub strongest_arc: Option<f64>,
@@ -172,10 +174,13 @@ impl ShoulderVerdict {
             limit_reject: None,
         };
         if let Some((judgement, cells)) = judged {
-            // Of equals the first, as everywhere. What a second reading cleared is in no region.
+            // That of the strongest arc; of equals the first, as everywhere. What a second reading cleared is in no region.
             let has_region = cells.iter().any(|cell| cell.region > 0);
             let counts = |cell: &&DamageCell| !cell.damage_index.is_nan() && (cell.region > 0 || !has_region);
-            let peak = cells.iter().filter(counts).rev().max_by(|a, b| a.damage_index.total_cmp(&b.damage_index));
+            let by_strength = |a: &&DamageCell, b: &&DamageCell| {
+                a.region_index.total_cmp(&b.region_index).then(a.damage_index.total_cmp(&b.damage_index))
+            };
+            let peak = cells.iter().filter(counts).rev().max_by(by_strength);
             line.verdict = Verdict::from_code(judgement.verdict).unwrap_or(Verdict::ReInspect);
             line.reasons = judgement.reasons.to_string();
             if judgement.reasons.contains(Reasons::FLAGGED) {

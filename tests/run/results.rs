@@ -36,6 +36,21 @@ fn scanned() -> Sandbox {
     sandbox
 }
 
+/// Catches a place that is not that of the strongest arc, beside whose strength it stands: of this shoulder a weaker region has
+/// as great an index.
+#[test]
+fn the_place_of_a_verdict_is_in_its_strongest_region() {
+    let sandbox = Sandbox::new();
+    let config = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/demo.toml");
+    let summary = sandbox.run(&format!("run --config {config} --stations 1 --out run --json")).json(0);
+    let verdict = &summary["verdicts"][0];
+    let reader = Reader::open(sandbox.path("run/SIM-0001.h5")).unwrap();
+    let (judgement, cells) = reader.judgements().unwrap().remove(0).unwrap();
+    let place = cells.iter().find(|cell| u64::from(cell.location) == verdict["peak_location"]).unwrap();
+    assert!(verdict["regions"].as_u64().unwrap() > 1 && place.region > 0, "{verdict}");
+    assert_eq!(place.region_index.to_bits(), judgement.strongest_arc.to_bits(), "{verdict}");
+}
+
 /// Catches a run that by default makes other taps than one turn at the belt edge and a second reading, and progress beyond its end.
 #[test]
 fn a_run_taps_once_around_and_what_stands_out_again() {
