@@ -161,8 +161,10 @@ fn probe(path: &Path, access: Access) -> Result<bool> {
     }
     match locked {
         Err(TryLockError::WouldBlock) => return Err(Error::InUse { path: path.to_owned() }),
+        // A child that another thread has just started would hold it on, and the library would not get it.
+        Ok(()) => file.unlock().context("unlock the archive", path)?,
         // Without locks in the file system, the library decides.
-        Err(TryLockError::Error(_)) | Ok(()) => {}
+        Err(TryLockError::Error(_)) => {}
     }
     let mut signature = [0; 8];
     match file.read_exact(&mut signature) {
