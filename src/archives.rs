@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
-use tapline_store::Folder;
+use tapline_store::{Folder, archive_of};
 
 use tapline_host::messages::print_line;
 use tapline_host::progress::{Progress, Unit};
@@ -44,9 +44,10 @@ impl ArchiveFile {
         self.path.metadata().map_or(0, |there| there.len())
     }
 
-    /// Name of the casing whose archive it is: that of the file without its ending.
+    /// Name of the casing whose archive or results it is: that of the archive without its ending.
     pub(crate) fn casing(&self) -> String {
-        self.name.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+        let archive = archive_of(&self.path).unwrap_or_else(|| self.path.clone());
+        archive.file_stem().unwrap_or_default().to_string_lossy().into_owned()
     }
 }
 

@@ -219,7 +219,7 @@ pub fn validate_stations(stations: &[StationConfig]) -> Result<(), Error> {
         station.check(&table)?;
         let key = |field: &str| format!("{table}.{field}");
         if let Some(first) = numbers.insert(station.number, place) {
-            let bound = format!("another number than that of station[{first}]");
+            let bound = format!("another number than that of station[{first}], counted from 0");
             return Err(Error::setting(key("number"), station.number, bound));
         }
         if let Some(folder) = &station.folder {
@@ -350,7 +350,7 @@ mod tests {
             (one("source = \"simulated\"").replace("= 1", "= 0"), "station[0].number is 0; it must be from 1 to 65535"),
             (
                 one("source = \"simulated\"").repeat(2),
-                "station[1].number is 1; it must be another number than that of station[0]",
+                "station[1].number is 1; it must be another number than that of station[0], counted from 0",
             ),
             (two, "station[1].rig is h:1; it must be another than that of the station with number 1"),
         ] {

@@ -70,6 +70,6 @@ fn where_to_look(found: &[u64], planned: usize, sample_rate_hz: f64) -> String {
     #[expect(clippy::cast_precision_loss, reason = "samples of a record, far below 2^53")]
     let at_s = |sample: u64| sample as f64 / sample_rate_hz;
     pause.map_or_else(String::new, |(_, from, to)| {
-        format!(" (the {which} pause is from {:.3} to {:.3} s)", at_s(from), at_s(to))
+        format!(" (the {which} pause lies at {:.3} to {:.3} s)", at_s(from), at_s(to))
     })
 }

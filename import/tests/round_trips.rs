@@ -144,7 +144,7 @@ fn continuous_records_are_cut() {
     let error = import(&files(&case), &case.join("import.toml"), &folder.path().join("none"), |_, _| ())
         .unwrap_err()
         .to_string();
-    let want = "the number of its taps is 3 (the longest pause is from 0.033 to 0.053 s); 4 are planned";
+    let want = "the number of its taps is 3 (the longest pause lies at 0.033 to 0.053 s); 4 are planned";
     assert_eq!(error.matches(want).count(), 1, "{error}");
     assert!(!folder.path().join("none").exists());
 }

@@ -66,6 +66,17 @@ impl Fusions {
         Fusion::by(&self.fuse, plan, self.set.clone())
     }
 
+    /// Whether taps are analysed like those of the reference, as far as the configuration says so.
+    pub(crate) fn check_process(&self) -> Result<()> {
+        let Some(set) = &self.set else { return Ok(()) };
+        let here = options_of(&self.process)?;
+        let of_options = |line: &&str| OF_RECORDING.iter().all(|key| !line.starts_with(key));
+        let there: Vec<&str> = set.process.lines().filter(of_options).collect();
+        let difference = differences(&there.join("\n"), &here);
+        ensure!(there.iter().copied().eq(here.lines()), tapline_fuse::Error::ReferenceMadeOtherwise { difference });
+        Ok(())
+    }
+
     /// What of the stated rates the reference does not support, for people to read.
     pub(crate) fn unsupported(&self) -> Vec<String> {
         tapline_fuse::unsupported(&self.fuse, self.set.as_deref())
@@ -115,12 +126,21 @@ pub(crate) fn process_of(config: &ProcessConfig, recording: &Recording) -> Resul
     let rate_hz = recording.sample_rate_hz;
     let analysed_s = f64::from(config.samples_looked_at(recording.sample_count_max, rate_hz)) / rate_hz;
     let pre_trigger_s = f64::from(recording.pre_trigger_samples) / rate_hz;
-    let mut config = toml::Table::try_from(config).context("the configuration of process does not fit TOML")?;
-    config.remove("record_s");
+    let config = options_of(config)?;
     Ok(format!(
         "sample_rate_hz = {rate_hz:?}\nchannels = {channels:?}\nunits = {units:?}\nanalysed_s = {analysed_s:?}\npre_trigger_s = \
          {pre_trigger_s:?}\n{config}"
     ))
+}
+
+/// Keys of [`process_of`] that depend on how taps are recorded.
+const OF_RECORDING: [&str; 5] = ["sample_rate_hz", "channels", "units", "analysed_s", "pre_trigger_s"];
+
+/// The table `[process]` without `record_s`.
+fn options_of(config: &ProcessConfig) -> Result<String> {
+    let mut config = toml::Table::try_from(config).context("the configuration of process does not fit TOML")?;
+    config.remove("record_s");
+    Ok(config.to_string())
 }
 
 /// What is doubtful about analysing taps that are recorded so: a band goes on where their spectrum has ended.

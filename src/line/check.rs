@@ -82,6 +82,8 @@ pub(super) fn check_line(job: &Job) -> Result<Setup> {
         tracing::warn!("station {} makes tyres of its own: none of [[scan.tyre]] comes to it", station.number);
     }
     wires::check(&job.config.line)?;
+    // How recordings in folders were made is not known yet; how they will be analysed is.
+    fusions.check_process()?;
     for plan in setup.plans_of_stations(job)? {
         remark_on_bands(process, &plan.recording).iter().for_each(|text| tracing::warn!("{text}"));
         match fuse.reference {

@@ -128,9 +128,7 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
 fn say_how_it_ended(pace: &Pace) {
     let judged = counted(pace.closed, "casing", "casings");
     say(&format!("the line has ended: {judged} judged"));
-    for name in &pace.unfinished {
-        say(&format!("casing {name} is not done: the same command goes on with it"));
-    }
+    pace.unfinished.iter().for_each(|text| say(text));
     for (receiver, count) in &pace.waiting {
         let count = counted(*count as usize, "verdict waits", "verdicts wait");
         say(&format!("{count} for {receiver}: the same command reports them"));

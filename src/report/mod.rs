@@ -61,7 +61,7 @@ pub(crate) fn report(
         let Some(pages) = outcome.take(file, pages)? else { continue };
         let Some(()) = outcome.take(file, shift.look_at(&reader, &evidence))? else { continue };
         for (tyre, page) in evidence.tyres.iter().zip(pages) {
-            let name = names.name_for(tyre);
+            let name = names.name_for(tyre, &file.casing());
             progress.beside(|| put(&folder, &name, &page, written))?;
             shift.add_page(name);
         }
@@ -105,17 +105,21 @@ fn default_folder(first: &Path) -> PathBuf {
     PathBuf::from(format!("{}-report", name.unwrap_or_default().to_string_lossy()))
 }
 
-/// File names of the tyres' pages: each is the serial, with characters replaced that a file name or an address may not
-/// have, and with a number where two would be equal on some file system.
+/// File names of the tyres' pages: each is the serial, or the archive's name where that has a number behind the serial, with
+/// characters replaced that a file name or an address may not have, and with a number where two would be equal on some file
+/// system.
 #[derive(Default)]
 struct Names {
     taken: BTreeSet<String>,
 }
 
 impl Names {
-    fn name_for(&mut self, tyre: &Tyre) -> String {
+    fn name_for(&mut self, tyre: &Tyre, archive: &str) -> String {
+        let serial = tyre.serial.as_str();
+        let is_numbered = archive.strip_prefix(serial).is_some_and(|number| number.starts_with('.'));
         let plain = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
-        let stem = format!("tyre-{}", tyre.serial.as_str().chars().map(plain).collect::<String>());
+        let name = if is_numbered { archive } else { serial };
+        let stem = format!("tyre-{}", name.chars().map(plain).collect::<String>());
         let numbered = (2..).map(|number: u32| format!("{stem}-{number}"));
         let free = std::iter::once(stem.clone()).chain(numbered).find(|name| self.taken.insert(name.to_lowercase()));
         format!("{}.html", free.unwrap_or(stem))
@@ -135,8 +139,10 @@ mod tests {
         let tyres = ["A 1", "A_1", "a<1", "..\\x", "A_1-2"].map(tyre);
         let mut names = Names::default();
         assert_eq!(
-            tyres.iter().map(|tyre| names.name_for(tyre)).collect::<Vec<_>>(),
+            tyres.iter().map(|tyre| names.name_for(tyre, "A 1")).collect::<Vec<_>>(),
             ["tyre-A_1.html", "tyre-A_1-2.html", "tyre-a_1-3.html", "tyre-.._x.html", "tyre-A_1-2-2.html"]
         );
+        // The second scan of a casing, whose archive comes first.
+        assert_eq!(["B.2", "B"].map(|archive| names.name_for(&tyre("B"), archive)), ["tyre-B.2.html", "tyre-B.html"]);
     }
 }

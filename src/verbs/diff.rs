@@ -8,7 +8,7 @@ use anyhow::{Result, bail};
 use serde::Serialize;
 use serde_json::json;
 use tapline_host::messages::counted;
-use tapline_store::{Judged, Reader, archive_of, lineage_changes};
+use tapline_store::{Judged, Reader, lineage_changes};
 use tapline_wire::{Discriminator, Discriminators, Scan, TapId, Verdict};
 
 use crate::archives::{ArchiveFile, ArchiveProgress, Archives, Outcome, Which};
@@ -23,8 +23,7 @@ pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> 
         return Ok(true);
     }
     let (befores, afters) = (Archives::find(&[before], Which::Casings)?, Archives::find(&[after], which)?);
-    let mut partners: BTreeMap<String, &ArchiveFile> =
-        afters.files.iter().map(|file| (casing_of(file), file)).collect();
+    let mut partners: BTreeMap<String, &ArchiveFile> = afters.files.iter().map(|file| (file.casing(), file)).collect();
     let mut outcome = Outcome::new(&Archives { is_many: true, ..befores.clone() });
     let alone = |file: &ArchiveFile| {
         let path = file.path.display().to_string();
@@ -33,7 +32,7 @@ pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> 
     let mut progress = ArchiveProgress::new(&befores);
     for file in &befores.files {
         progress.begin(file);
-        let Some(other) = partners.remove(&casing_of(file)) else {
+        let Some(other) = partners.remove(&file.casing()) else {
             alone(file)?;
             outcome.note(false);
             continue;
@@ -58,15 +57,6 @@ pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> 
 
 fn line_of(difference: &Difference) -> Result<String> {
     Ok(format!("{}\n", serde_json::to_string(difference)?))
-}
-
-/// Name of the casing of an archive, or of a file of results.
-fn casing_of(file: &ArchiveFile) -> String {
-    let name = file.casing();
-    match archive_of(&file.path) {
-        Some(of) => of.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
-        None => name,
-    }
 }
 
 /// What changed from one archive to another.
@@ -113,7 +103,12 @@ struct ShoulderDifference {
 impl Difference {
     fn between(before: &Path, after: &Path) -> Result<Self> {
         let (a, b) = (Reader::open(before)?, Reader::open(after)?);
-        let ids = |reader: &Reader| reader.plan().taps().iter().map(|tap| tap.id).collect::<Vec<_>>();
+        // At whichever station they were made.
+        let without_station = |mut id: TapId| {
+            id.station = 0;
+            id
+        };
+        let ids = |reader: &Reader| reader.plan().taps().iter().map(|tap| without_station(tap.id)).collect::<Vec<_>>();
         let (ids_a, ids_b) = (ids(&a), ids(&b));
         if ids_a != ids_b {
             let (before, after) = (before.display(), after.display());
@@ -198,7 +193,7 @@ impl fmt::Display for Difference {
             writeln!(f, "           {key}: {before} -> {after}")?;
         }
         if !self.is_raw_same {
-            writeln!(f, "           what was recorded differs, samples or headers")?;
+            writeln!(f, "           the recordings differ, in their samples or in what is noted with them")?;
         }
         if !self.is_reference_same {
             writeln!(f, "           the reference files differ")?;

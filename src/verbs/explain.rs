@@ -10,7 +10,7 @@ use serde::Serialize;
 use tapline_fuse::ReferenceSet;
 use tapline_host::similar::did_you_mean;
 use tapline_host::table::table;
-use tapline_store::{Reader, digest_of, hex_of, lineage_changes};
+use tapline_store::{Reader, hex_of, lineage_changes};
 use tapline_wire::{Discriminator, Scan, TapState, Verdict};
 
 use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
@@ -67,7 +67,7 @@ struct Explanation {
     codec: String,
     raw_digest: String,
     plan_digest: String,
-    /// BLAKE3 of the reference file; absent where the reference is in none.
+    /// Digest of the reference file; absent where the reference is in none, or in one that this program cannot read.
     reference_digest: Option<String>,
     /// Parts of the program whose sources are not those of this one.
     other_sources: Vec<String>,
@@ -139,7 +139,9 @@ impl Explanation {
             codec: reader.codec().to_string(),
             raw_digest: hex_of(&reader.raw_digest()?),
             plan_digest: format!("{:016x}", reader.plan().digest()),
-            reference_digest: reader.reference().map(|text| hex_of(&digest_of(text.as_bytes()))),
+            reference_digest: reader
+                .reference()
+                .and_then(|text| Some(ReferenceSet::parse(text).ok()?.digest().to_owned())),
             other_sources: sources.into_iter().map(|(key, ..)| key.trim_start_matches("sources.").to_owned()).collect(),
             options: options.into_iter().map(|(key, default, value)| OtherOption { key, value, default }).collect(),
             shoulder: shoulder.map(|name| ShoulderExplanation::of(reader, name, location)).transpose()?,
@@ -238,7 +240,7 @@ impl fmt::Display for Explanation {
         writeln!(f, "raw data   {}", self.raw_digest)?;
         writeln!(f, "plan       {}", self.plan_digest)?;
         match &self.reference_digest {
-            Some(digest) => writeln!(f, "reference  a file, BLAKE3 {digest}")?,
+            Some(digest) => writeln!(f, "reference  a file with the digest {digest}")?,
             None => {
                 let named = self.options.iter().find(|option| option.key == "fuse.reference");
                 writeln!(

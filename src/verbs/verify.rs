@@ -53,7 +53,11 @@ fn sum_up(archives: &Archives, hurt: usize, as_json: bool) -> Result<()> {
         writeln!(out, "{}: NOT FINISHED", path.display())?;
     }
     let archives = counted(count, "archive", "archives");
-    writeln!(out, "{archives}: {} complete, {hurt} not; {} not finished", count - hurt, unfinished.len())?;
+    let besides = match unfinished.len() {
+        0 => String::new(),
+        some => format!("; besides {} not finished", counted(some, "file is", "files are")),
+    };
+    writeln!(out, "{archives}: {} complete, {hurt} not{besides}", count - hurt)?;
     Ok(())
 }
 

@@ -291,7 +291,7 @@ impl Outbox {
             }
             None => {
                 if let Some(text) = state.troubles.remove(&(receiver, kind)) {
-                    tracing::warn!("over: {text}");
+                    tracing::warn!("this is over: {text}");
                 }
             }
         }

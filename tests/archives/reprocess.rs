@@ -141,7 +141,7 @@ fn the_same_taps_are_compared_wherever_they_come_from() {
     sandbox.run("export run.h5 taps --out taps").expect(0);
     sandbox.run("run --taps taps --reference self --out twin").expect(0);
     let printed = sandbox.run("diff run.h5 twin/CRACKED.h5").expect(0).out;
-    assert!(printed.contains("what was recorded differs") && printed.contains("REJECT, index the same"), "{printed}");
+    assert!(printed.contains("the recordings differ") && printed.contains("REJECT, index the same"), "{printed}");
     scan(&sandbox, &CONFIG.replace("repetitions = 2", "repetitions = 1"));
     let refused = sandbox.run("diff run.h5 twin/CRACKED.h5").expect(1).err;
     assert!(refused.contains("0 taps are planned in the first alone, 164 in the second alone"), "{refused}");

@@ -51,6 +51,44 @@ fn a_killed_line_goes_on_with_what_was_under_way() {
     );
 }
 
+/// Catches a casing that is judged by half of its taps for good, as its set was taken away, and what goes wrong without an alarm:
+/// the set, and a casing whose station is not in the configuration any more.
+#[test]
+fn a_set_that_comes_back_is_judged_in_full() {
+    let sandbox = Sandbox::new();
+    tap_sets(&sandbox);
+    let plant = |number: u16| {
+        let station = format!("[[station]]\nnumber = {number}\nsource = \"folder\"\nfolder = \"inbox\"\n");
+        sandbox.write("plant.toml", &format!("{ROOM}[acquire]\ntaps_per_s = 40.0\n{station}"));
+    };
+    let start = || Running::start(&sandbox, "line --config plant.toml --out out --json");
+    plant(1);
+    fs::create_dir_all(sandbox.path("inbox")).unwrap();
+    fs::rename(sandbox.path("sets/A"), sandbox.path("inbox/A")).unwrap();
+    let line = start();
+    until("the casing is half tapped", || casing_under_way(&sandbox)["archived"].as_u64().is_some_and(|n| n > 10));
+    line.interrupt().expect(0);
+    fs::rename(sandbox.path("inbox/A"), sandbox.path("away")).unwrap();
+    // Without its station it stays.
+    plant(2);
+    let mut line = start();
+    line.wait_for_log(&["casing A waits for station 1"]);
+    let ended = line.interrupt().expect(0).err;
+    assert!(ended.contains("casing A is not done: its station 1 is not in the configuration"), "{ended}");
+    plant(1);
+    let mut line = start();
+    let half = line.verdict();
+    assert!(half["verdict"] == "RE-INSPECT" && half["refused"].as_u64().unwrap() > 0, "{half}");
+    let status = sandbox.run("status --out out").expect(0).out;
+    assert!(status.contains("ALARM") && status.contains("casing A was half tapped"), "{status}");
+    fs::rename(sandbox.path("away"), sandbox.path("inbox/A")).unwrap();
+    let whole = line.verdict();
+    assert!(whole["refused"] == 0 && whole["missing"] == 0, "{whole}");
+    until("the set is done", || sandbox.path("inbox/done/A").is_dir());
+    line.interrupt().expect(3);
+    assert_eq!(all_finished(&sandbox.path("out")).len(), 2);
+}
+
 /// Catches a stage whose death ends the line, or costs a tap of the casings under way.
 #[test]
 fn stages_are_killed_while_casings_come() {

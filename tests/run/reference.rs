@@ -208,6 +208,12 @@ fn what_cannot_be_a_reference_is_refused() {
     assert_eq!(sandbox.run(&format!("reference {SOUND} --out sound.json")).code, Some(0));
     sandbox.write("other.toml", &format!("{SCAN}{}[process]\nf_c_hz = 600.0\n", tyres("S", false)));
     refused("run --config other.toml --out a --reference sound.json", &["f_c_hz = 550.0 there", "f_c_hz = 600.0 here"]);
+    // A line of folders, of which nothing else is known.
+    let station = "[[station]]\nnumber = 1\nsource = \"folder\"\nfolder = \"in\"\n";
+    sandbox.write("folder.toml", &format!("{station}[process]\nf_c_hz = 600.0\n[fuse]\nreference = \"sound.json\"\n"));
+    refused("config --check folder.toml", &["f_c_hz = 550.0 there, f_c_hz = 600.0 here"]);
+    sandbox.write("folder.toml", &format!("{station}[fuse]\nreference = \"sound.json\"\n"));
+    sandbox.run("config --check folder.toml").expect(0);
     // Archives that were analysed differently cannot be combined either.
     let done = sandbox.run("run --config other.toml --out other --reference self");
     assert_eq!(done.code, Some(0), "{done:?}");

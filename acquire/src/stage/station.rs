@@ -267,7 +267,10 @@ impl Station {
     fn give_up_left_over(&mut self, outlet: &Outlet<'_>, but: Option<&str>) -> Result<(), LineError> {
         let is_gone = |(_, name): &mut (u64, String)| Some(name.as_str()) != but;
         for (number, name) in self.left_over.extract_if(.., is_gone) {
-            tracing::warn!(casing = name, "was half tapped when the line stopped; it is judged by the taps that came");
+            let text =
+                format!("casing {name} was half tapped when the line stopped; it is judged by the taps that came");
+            tracing::warn!("{text}");
+            self.alarms.push_back((RecordKind::Alarm, text));
             outlet.give_up(number, "the casing was taken away before its scan was complete")?;
         }
         Ok(())

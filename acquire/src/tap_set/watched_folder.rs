@@ -48,8 +48,9 @@ pub struct FolderArrivals {
     unreadable: BTreeSet<OsString>,
     /// Why the folder itself cannot be read.
     fault: Option<String>,
-    /// Alarms for people.
+    /// Alarms for people: sets that are left out, and others.
     refusals: Vec<String>,
+    alarms: Vec<String>,
 }
 
 /// A set that was begun.
@@ -89,6 +90,7 @@ impl FolderArrivals {
             unreadable: BTreeSet::new(),
             fault: None,
             refusals: Vec::new(),
+            alarms: Vec::new(),
         })
     }
 
@@ -163,6 +165,15 @@ impl FolderArrivals {
 
     fn keep(&mut self, name: &OsStr, error: &io::Error) {
         let set = self.folder.join(name);
+        if error.kind() == io::ErrorKind::NotFound {
+            tracing::error!(
+                "station {}: tap set {} was taken away while it was under way",
+                self.station,
+                set.display()
+            );
+            self.alarms.push(format!("tap set {} was taken away while it was under way", name.display()));
+            return;
+        }
         tracing::error!(
             "station {}: tap set {} cannot be moved away, and is left: {error}",
             self.station,
@@ -279,6 +290,10 @@ impl Arrivals for FolderArrivals {
 
     fn take_refusals(&mut self) -> Vec<String> {
         std::mem::take(&mut self.refusals)
+    }
+
+    fn take_alarms(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.alarms)
     }
 
     fn look_every(&self) -> Duration {

@@ -262,7 +262,11 @@ impl View<'_> {
             Some(probability) if probability < config.reject_rate => judgement.reasons.insert(Reasons::LEVEL_OFF),
             Some(_) => {}
             // Of a casing that is its own reference another reason says it, and locations in a line have no level in common.
-            None if self.fitted.casing_count > 0 && geometry == Geometry::Ring => {
+            // Nor has a shoulder of which nothing came.
+            None if self.fitted.casing_count > 0
+                && geometry == Geometry::Ring
+                && index.iter().any(|value| !value.is_nan()) =>
+            {
                 judgement.reasons.insert(Reasons::LEVEL_UNKNOWN);
             }
             None => {}

@@ -234,7 +234,11 @@ impl<'a> Supervisor<'a> {
                             self.settled_before += header.settled_before_count as usize;
                             if header.settled_before_count > 0 {
                                 let there = format!("{} of {}", header.settled_before_count, header.tap_count);
-                                self.audience.progress.print(&format!("casing {name} goes on: {there} taps are there"));
+                                let how = match self.has_station(station) {
+                                    true => "goes on".to_owned(),
+                                    false => format!("waits for station {station}, which is not in the configuration"),
+                                };
+                                self.audience.progress.print(&format!("casing {name} {how}: {there} taps are there"));
                             }
                             self.open.push(Open { number, name, header, layout, again, ledger: None });
                         }
@@ -394,14 +398,28 @@ impl<'a> Supervisor<'a> {
     }
 
     fn into_pace(self) -> Pace {
+        let how = |casing: &Open| {
+            let station = u16::try_from(casing.header.station).unwrap_or(u16::MAX);
+            let name = &casing.name;
+            match self.has_station(station) {
+                true => format!("casing {name} is not done: the same command goes on with it"),
+                false => format!("casing {name} is not done: its station {station} is not in the configuration"),
+            }
+        };
+        let unfinished = self.open.iter().map(how).collect();
         Pace {
             settled_before: Some(self.settled_before),
             elapsed_s: self.rate.elapsed_s(),
             restarts: self.stages.restarts(),
             reports: self.stages.reports(),
-            unfinished: self.open.into_iter().map(|casing| casing.name).collect(),
+            unfinished,
             ..self.pace
         }
+    }
+
+    /// Whether the line has the station with this number; a list has all.
+    fn has_station(&self, number: u16) -> bool {
+        self.is_list || self.shown.stations.iter().any(|station| station.number == number)
     }
 }
 

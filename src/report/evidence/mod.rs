@@ -13,7 +13,7 @@ use tapline_fuse::{OffsetMap, ReferenceSet};
 use tapline_store::{Judged, Reader, Region, regions};
 use tapline_wire::{
     DamageCell, Discriminators, Geometry, Quality, Reasons, Recording, Scan, ScanState, Serial, SourceKind, TapState,
-    Verdict, digest_of_parts,
+    Verdict,
 };
 
 use crate::config::Config;
@@ -36,8 +36,8 @@ pub(crate) struct Evidence {
     pub config: Config,
     /// The reference in the archive, if the run read one from a file and this program can read it.
     pub reference: Option<Arc<ReferenceSet>>,
-    /// A digest of the reference.
-    pub reference_digest: Option<u64>,
+    /// The digest of the reference.
+    pub reference_digest: Option<String>,
     /// Why the configuration cannot be read.
     pub config_problem: Option<String>,
     pub geometry: Geometry,
@@ -186,7 +186,7 @@ impl Evidence {
             config_toml: reader.config().to_owned(),
             config,
             config_problem,
-            reference_digest: reader.reference().map(|text| digest_of_parts([text.as_bytes()])),
+            reference_digest: reference.as_ref().map(|set| set.digest().to_owned()),
             reference,
             geometry: plan.geometry,
             recording: plan.recording.clone(),

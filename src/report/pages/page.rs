@@ -237,7 +237,7 @@ pub(crate) fn lineage(evidence: &Evidence) -> Markup {
                     Some(reference) => (reference),
                     None => "nothing that is named",
                 }
-                @if let Some(digest) = evidence.reference_digest { ", kept in the archive, digest " code { (format!("{digest:016x}")) } }
+                @if let Some(digest) = &evidence.reference_digest { ", kept in the archive, digest " code { (digest) } }
             }
             @if let Some([re_inspect, reject]) = evidence.shoulders().find_map(|shoulder| shoulder.rates) {
                 dt { "False calls" } dd { "the limits are set for " (percent(re_inspect)) " % of sound shoulders not passed and " (percent(reject)) " % rejected" }

@@ -64,7 +64,10 @@ impl StageLoop<'_> {
                 open.acquire = Due::ALL;
                 return Ok(());
             }
-            let reason = format!("casing {name} is open already, at station {}, with another scan", open.station);
+            let reason = format!(
+                "casing {name} is open already, at station {}: it may come again when that is done",
+                open.station
+            );
             self.notices.answer(acquire, RecordKind::Refusal, header, &reason);
             return Ok(());
         }
@@ -92,7 +95,8 @@ impl StageLoop<'_> {
         Ok(())
     }
 
-    /// The finished file of a casing that need not be tapped: of the same run, or of the same recordings.
+    /// The finished file of a casing that need not be tapped: of the same run, or of the same recordings. One that lacks some of
+    /// them does not count: they may be there now.
     fn finished_before(&self, name: &str, plan: &Plan) -> Result<Option<std::path::PathBuf>> {
         if self.run.skips_finished {
             return Ok(self.run.places.finished(name));
@@ -101,7 +105,10 @@ impl StageLoop<'_> {
             return Ok(None);
         }
         let is_same = |path: &std::path::PathBuf| {
-            Reader::open(path).is_ok_and(|file| file.plan().begun_digest() == plan.digest())
+            Reader::open(path).is_ok_and(|file| {
+                let count = |state| file.ledger().count(state);
+                file.plan().begun_digest() == plan.digest() && count(TapState::Refused) + count(TapState::Missing) == 0
+            })
         };
         Ok(self.run.places.all_finished(name).into_iter().find(is_same))
     }
