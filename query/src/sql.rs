@@ -1,7 +1,7 @@
 //! Questions in SQL over the tables of casing files.
 
 use std::io::Write;
-use std::path::{Path, absolute};
+use std::path::{Path, PathBuf, absolute};
 use std::sync::Arc;
 
 use anyhow::{Context as _, Result, bail};
@@ -122,6 +122,7 @@ fn check_target(target: &str) -> Result<()> {
         None => target,
     };
     let path = absolute(path).with_context(|| format!("COPY TO {target:?}: no usable path"))?;
+    let path: PathBuf = path.components().collect(); // without a slash at its end
     match path.read_dir().map(|mut entries| entries.next().is_none()) {
         Ok(true) => {}
         Ok(false) => bail!("COPY TO {target:?}: this folder has files already; COPY writes into an empty or a new one"),

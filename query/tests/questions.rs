@@ -101,6 +101,7 @@ fn what_cannot_be_asked_is_said() {
     let before = std::fs::read(&archive).unwrap();
     for (target, words) in [
         (archive.as_str(), "nothing takes its place"),
+        (&format!("{archive}/"), "nothing takes its place"),
         ("in/", "has files already"),
         ("/proc/x.csv", "no file can be made in /proc"),
         ("s3://plant/x/", "is in s3"),
