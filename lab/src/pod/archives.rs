@@ -83,7 +83,10 @@ impl Scans {
         }
         for ((tyre, side), shoulder) in &mut scans.of_shoulder {
             let known = shoulder.iter().filter(|scan| scan.known.is_some());
-            if let Some((one, other)) = known.clone().zip(known.skip(1)).find(|(one, other)| one.known != other.known) {
+            // Where the same locations were tapped.
+            let differ =
+                |(one, other): &(&Scanned, &Scanned)| one.locations == other.locations && one.known != other.known;
+            if let Some((one, other)) = known.clone().zip(known.skip(1)).find(differ) {
                 let (one, other) = (&one.archive, &other.archive);
                 bail!(
                     "{one} and {other} know other cracks of tyre {tyre} shoulder {side}: they are of two casings of one name"
