@@ -250,7 +250,10 @@ fn what_is_wrong_is_named() {
     of(1, &[3, 4]).write(&sandbox.path("two/1.h5"));
     of(2, &[6]).write(&sandbox.path("two/2.h5"));
     let err = sandbox.run("pod two").expect(1).err;
-    assert!(err.contains("1.h5 and 2.h5 know other cracks of tyre B shoulder 1"), "{err}");
+    assert!(
+        err.contains("location 3 of tyre B shoulder 1 is cracked by 1.h5 or by 2.h5, and sound by the other"),
+        "{err}"
+    );
     fs::write(sandbox.path("casings/broken.h5"), "no archive").unwrap();
     fs::write(sandbox.path("truth.csv"), format!("{HEAD}A,1,,0,\n")).unwrap();
     let done = sandbox.run("pod casings --truth truth.csv --json");

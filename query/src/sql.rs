@@ -1,15 +1,16 @@
 //! Questions in SQL over the tables of casing files.
 
 use std::io::Write;
-use std::path::{Path, PathBuf, absolute};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Context as _, Result, bail, ensure};
 use datafusion::arrow::array::RecordBatch;
 use datafusion::arrow::csv::WriterBuilder;
 use datafusion::arrow::json::LineDelimitedWriter;
 use datafusion::arrow::util::pretty::pretty_format_batches;
 use datafusion::common::tree_node::{TreeNode as _, TreeNodeRecursion};
+use datafusion::datasource::listing::ListingTableUrl;
 use datafusion::logical_expr::LogicalPlan;
 use datafusion::prelude::SessionContext;
 use futures_util::TryStreamExt as _;
@@ -68,7 +69,7 @@ pub async fn answer(question: &Question, engine: &Engine, out: &mut impl Write) 
     let context = engine.connect().await?;
     register(&context, &files, question.files_per_task)?;
     let frame = context.sql(&question.sql).await.with_context(|| format!("cannot plan {:?}", question.sql))?;
-    check_copies(frame.logical_plan())?;
+    check_copies(frame.logical_plan(), engine)?;
     let schema = Arc::clone(frame.schema().inner());
     let mut rows = frame.execute_stream().await.with_context(|| engine.at())?;
     let mut next = async || -> Result<Option<RecordBatch>> { rows.try_next().await.with_context(|| engine.at()) };
@@ -101,27 +102,34 @@ pub async fn answer(question: &Question, engine: &Engine, out: &mut impl Write) 
 /// Checks what a `COPY` in `plan` would write to: files that are not there yet, where files can be made.
 ///
 /// DataFusion replaces what is there, and tries without end to open a file that it cannot make.
-fn check_copies(plan: &LogicalPlan) -> Result<()> {
+fn check_copies(plan: &LogicalPlan, engine: &Engine) -> Result<()> {
     let mut targets = Vec::new();
-    let walked = plan.apply(|node| {
-        if let LogicalPlan::Copy(copy) = node {
+    let walked = plan.apply(|node| match node {
+        // It writes nothing.
+        LogicalPlan::Explain(_) => Ok(TreeNodeRecursion::Stop),
+        LogicalPlan::Copy(copy) => {
             targets.push(copy.output_url.clone());
+            Ok(TreeNodeRecursion::Continue)
         }
-        Ok(TreeNodeRecursion::Continue)
+        _ => Ok(TreeNodeRecursion::Continue),
     });
     walked.context("cannot look through the plan")?;
-    targets.iter().try_for_each(|target| check_target(target))
+    targets.iter().try_for_each(|target| check_target(target, engine))
 }
 
-fn check_target(target: &str) -> Result<()> {
-    let path = match target.split_once("://") {
-        Some(("file", path)) => path,
-        Some((scheme, _)) => {
-            bail!("COPY writes files, and {target:?} is in {scheme}: give a path, and copy from there")
-        }
-        None => target,
+fn check_target(target: &str, engine: &Engine) -> Result<()> {
+    // As DataFusion reads it, so that what is checked is what is written.
+    let read = ListingTableUrl::parse(target).with_context(|| format!("COPY TO {target:?}: no usable path"))?;
+    let url = read.get_url();
+    let path = url.to_file_path().ok().filter(|_| url.scheme() == "file" && read.get_glob().is_none());
+    let Some(path) = path else {
+        bail!("COPY writes files, and {target:?} is no path of one: give a path without *, ? and [")
     };
-    let path = absolute(path).with_context(|| format!("COPY TO {target:?}: no usable path"))?;
+    let is_relative = !target.starts_with('/') && !target.starts_with("file:");
+    ensure!(
+        *engine == Engine::Local || !is_relative,
+        "COPY TO {target:?}: the cluster writes it, in a folder of its own: give a path that begins with /"
+    );
     let path: PathBuf = path.components().collect(); // without a slash at its end
     match path.read_dir().map(|mut entries| entries.next().is_none()) {
         Ok(true) => {}

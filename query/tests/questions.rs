@@ -104,7 +104,11 @@ fn what_cannot_be_asked_is_said() {
         (&format!("{archive}/"), "nothing takes its place"),
         ("in/", "has files already"),
         ("/proc/x.csv", "no file can be made in /proc"),
-        ("s3://plant/x/", "is in s3"),
+        ("s3://plant/x/", "is no path of one"),
+        ("in/[x].csv", "is no path of one"),
+        (&format!("file:{archive}"), "nothing takes its place"),
+        (&format!("file://localhost{archive}"), "nothing takes its place"),
+        (&format!("gone/../in/{TRUNCATED}"), "nothing takes its place"),
     ] {
         for statement in ["COPY (SELECT 1) TO", "EXPLAIN ANALYZE COPY (SELECT 1) TO"] {
             let err = refusal(&["sql", &format!("{statement} '{target}' STORED AS CSV"), "in"]);
@@ -112,4 +116,14 @@ fn what_cannot_be_asked_is_said() {
         }
     }
     assert_eq!(std::fs::read(&archive).unwrap(), before);
+    let sql = "COPY (SELECT 1) TO 'found/' STORED AS CSV";
+    let err = refusal(&["sql", sql, "in", "--engine", "cluster://127.0.0.1:1"]);
+    assert!(err.contains("cluster"), "{err}");
+    // What is new is written, and what an explanation names is not.
+    std::fs::create_dir(sandbox.path("empty")).unwrap();
+    for target in ["new.csv", "new/", "empty/"] {
+        sandbox.run(&["sql", &format!("COPY (SELECT 1) TO '{target}' STORED AS CSV"), "in"]).expect(0);
+        assert!(sandbox.path(target).exists());
+        sandbox.run(&["sql", &format!("EXPLAIN COPY (SELECT 1) TO '{target}' STORED AS CSV"), "in"]).expect(0);
+    }
 }

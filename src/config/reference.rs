@@ -37,9 +37,7 @@ pub(crate) fn fused_again(
     fuse: &FuseConfig,
     set: Option<Arc<ReferenceSet>>,
 ) -> Result<Option<Fusion>> {
-    let directions = set.as_ref().map_or(fuse.directions, |set| set.directions);
-    let fuse = FuseConfig { directions, ..fuse.clone() };
-    let Ok(mut fusion) = Fusion::by(&fuse, reader.plan(), set) else { return Ok(None) };
+    let Ok(mut fusion) = Fusion::by(fuse, reader.plan(), set) else { return Ok(None) };
     for record in reader.discriminators()?.iter().flatten() {
         fusion.push(record)?;
     }
@@ -113,7 +111,10 @@ impl Fusions {
             plan.scans().first().map_or_else(|| "a casing".to_owned(), |scan| format!("casing {}", scan.tyre))
         );
         let is_cracked = plan.truth().iter().any(|(&(of, side, _), &is)| is && of == *tyre && side == *shoulder);
-        ensure!(!is_cracked, "the reference is {tyre}/{shoulder}, which is known to be cracked");
+        ensure!(
+            !is_cracked,
+            "the reference is {tyre}/{shoulder}, which is known to be cracked: give --reference self, or a file"
+        );
         Ok(())
     }
 }

@@ -66,7 +66,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
         }
         let stop = stop_at_signals()?;
         let progress = scanning(&job, &listed, finished);
-        // The rest of what is printed of a verdict is in the table at the end.
+        // The table at the end has more.
         let form = if args.json { Form::Json } else { Form::Short };
         let audience = Audience { progress, wires: None, form, show: None };
         operate(&setup, &mut folder, audience, Some(listed.names.len()), stop)?

@@ -9,7 +9,7 @@ use serde::Serialize;
 use serde_json::json;
 use tapline_host::messages::counted;
 use tapline_store::{Judged, Reader, lineage_changes};
-use tapline_wire::{Discriminator, Discriminators, Scan, TapId, Verdict};
+use tapline_wire::{Discriminator, Discriminators, Plan, Recording, Scan, TapId, Verdict};
 
 use crate::archives::{ArchiveFile, ArchiveProgress, Archives, Outcome, Which};
 use crate::verbs::explain::print;
@@ -68,6 +68,8 @@ struct Difference {
     /// Options and sources: key, and its value before and after.
     lineage: Vec<(String, String, String)>,
     is_raw_same: bool,
+    /// Whether sample rate, time before the trigger, channels, their units and all angles are the same.
+    is_recorded_alike: bool,
     is_reference_same: bool,
     /// Taps that are in one of them alone.
     taps_alone: usize,
@@ -123,6 +125,7 @@ impl Difference {
             is_lineage_same: a.lineage_key()? == b.lineage_key()?,
             lineage: lineage_changes(a.made_by(), b.made_by()),
             is_raw_same: a.raw_digest()? == b.raw_digest()?,
+            is_recorded_alike: are_recorded_alike(a.plan(), b.plan()),
             is_reference_same: a.reference() == b.reference(),
             taps_alone: found_a.iter().zip(&found_b).filter(|(a, b)| a.is_some() != b.is_some()).count(),
             discriminators: Discriminator::ALL.map(|which| DiscriminatorDifference::of(which, both())).into(),
@@ -130,6 +133,16 @@ impl Difference {
             shoulders: judged.map(|((scan, a), b)| ShoulderDifference::of(scan, a.as_ref(), b.as_ref())).collect(),
         })
     }
+}
+
+fn are_recorded_alike(a: &Plan, b: &Plan) -> bool {
+    let how = |plan: &Plan| {
+        let Recording { sample_rate_hz, pre_trigger_samples, channels, calibration, .. } = &plan.recording;
+        let units: Vec<_> = channels.iter().map(|&channel| (channel, calibration.unit(channel))).collect();
+        let angles: Vec<_> = plan.taps().iter().map(|tap| tap.angle_deg.map(f64::to_bits)).collect();
+        (plan.geometry, sample_rate_hz.to_bits(), *pre_trigger_samples, units, angles)
+    };
+    how(a) == how(b)
 }
 
 /// How the taps of two plans differ.
@@ -194,6 +207,9 @@ impl fmt::Display for Difference {
         }
         if !self.is_raw_same {
             writeln!(f, "           the recordings differ, in their samples or in what is noted with them")?;
+        }
+        if !self.is_recorded_alike {
+            writeln!(f, "           sample rate, time before the trigger, channels, units or angles differ")?;
         }
         if !self.is_reference_same {
             writeln!(f, "           the reference files differ")?;

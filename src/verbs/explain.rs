@@ -9,7 +9,7 @@ use anyhow::{Context as _, Result, bail};
 use serde::Serialize;
 use tapline_fuse::ReferenceSet;
 use tapline_host::similar::did_you_mean;
-use tapline_host::table::table;
+use tapline_host::table::{break_between_words, table};
 use tapline_store::{Reader, hex_of, lineage_changes};
 use tapline_wire::{Discriminator, Scan, TapState, Verdict};
 
@@ -308,13 +308,11 @@ fn texts_of(taps: &[TapExplanation], scores: &[(&str, Option<f64>)]) -> Result<S
             table.add_row(row(which.column(), &score, &of_tap));
         }
         table.add_row(row("quality", "", &|tap| tap.quality.clone()));
+        break_between_words(&mut table);
         writeln!(text, "{table}")?;
     }
     if !scores.is_empty() {
-        writeln!(
-            text,
-            "score: of the location and its neighbours, in standard deviations of sound ones; damage raises it"
-        )?;
+        writeln!(text, "score: what each alone says of the location and its neighbours; damage raises it")?;
     }
     Ok(text)
 }

@@ -164,7 +164,7 @@ fn again(archive: &Path, asked: &Asked, from_samples: bool, jobs: usize) -> Resu
         let now = SystemTime::UNIX_EPOCH + Duration::from_nanos(now_ns().unsigned_abs());
         let touched = File::open(&out).and_then(|file| file.set_modified(now));
         if let Err(error) = touched {
-            tracing::warn!("{}: cannot be made the newest results: {error}", out.display());
+            tracing::error!("{}: cannot be made the newest results: {error}", out.display());
         }
         return Ok(Results { path: out, lineage_key: key, is_complete: is_complete(&there) });
     }

@@ -142,6 +142,12 @@ fn the_same_taps_are_compared_wherever_they_come_from() {
     sandbox.run("run --taps taps --reference self --out twin").expect(0);
     let printed = sandbox.run("diff run.h5 twin/CRACKED.h5").expect(0).out;
     assert!(printed.contains("the recordings differ") && printed.contains("REJECT, index the same"), "{printed}");
+    assert!(!printed.contains("units or angles differ"), "{printed}");
+    let turned = std::fs::read_to_string(sandbox.path("taps/taps.csv")).unwrap().replace(",1,9,", ",1,9.5,");
+    sandbox.write("taps/taps.csv", &turned);
+    sandbox.run("run --taps taps --reference self --out turned").expect(0);
+    let printed = sandbox.run("diff run.h5 turned/CRACKED.h5").expect(0).out;
+    assert!(printed.contains("units or angles differ"), "{printed}");
     scan(&sandbox, &CONFIG.replace("repetitions = 2", "repetitions = 1"));
     let refused = sandbox.run("diff run.h5 twin/CRACKED.h5").expect(1).err;
     assert!(refused.contains("0 taps are planned in the first alone, 164 in the second alone"), "{refused}");

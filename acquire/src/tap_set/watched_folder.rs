@@ -284,7 +284,8 @@ impl Arrivals for FolderArrivals {
             (Some(fault), _) => format!("the folder {folder}: {fault}"),
             (None, []) => format!("a tap set in {folder}"),
             (None, [half]) => half.clone(),
-            (None, [first, others @ ..]) => format!("{first}, and what {} more sets lack", others.len()),
+            (None, [first, _]) => format!("{first}, and what another set lacks"),
+            (None, [first, others @ ..]) => format!("{first}, and what {} other sets lack", others.len()),
         }
     }
 

@@ -118,7 +118,7 @@ fn bad_sets_are_put_aside_and_half_ones_waited_for() {
         fs::create_dir(inbox.join(name)).unwrap();
     }
     assert_eq!(next(&mut folder), None);
-    assert!(folder.waits_for().ends_with("inbox/b, and what 2 more sets lack"), "{}", folder.waits_for());
+    assert!(folder.waits_for().ends_with("inbox/b, and what 2 other sets lack"), "{}", folder.waits_for());
     for name in ["b", "e", "f"] {
         fs::remove_dir_all(inbox.join(name)).unwrap();
     }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhow::{Context as _, Result, bail, ensure};
+use anyhow::{Context as _, Result, ensure};
 use tapline_host::progress::{Progress, Unit};
 use tapline_store::{Folder, Judged, Reader};
 use tapline_wire::{DamageCell, Geometry, Judgement, Scan, Verdict};
@@ -82,15 +82,20 @@ impl Scans {
             ensure!(scans.unreadable.len() < files.len(), "none of {} archives can be read: {first}", files.len());
         }
         for ((tyre, side), shoulder) in &mut scans.of_shoulder {
-            let known = shoulder.iter().filter(|scan| scan.known.is_some());
-            // Where the same locations were tapped.
-            let differ =
-                |(one, other): &(&Scanned, &Scanned)| one.locations == other.locations && one.known != other.known;
-            if let Some((one, other)) = known.clone().zip(known.skip(1)).find(differ) {
-                let (one, other) = (&one.archive, &other.archive);
-                bail!(
-                    "{one} and {other} know other cracks of tyre {tyre} shoulder {side}: they are of two casings of one name"
-                );
+            // For each location whether it is cracked, and the first archive that knows.
+            let mut stated: BTreeMap<u32, (bool, &str)> = BTreeMap::new();
+            for scan in shoulder.iter() {
+                let Some(cracks) = &scan.known else { continue };
+                for &location in &scan.locations {
+                    let is_cracked = cracks.iter().any(|crack| crack.covers(scan.extent, location));
+                    let (known, first) = *stated.entry(location).or_insert((is_cracked, &scan.archive));
+                    ensure!(
+                        known == is_cracked,
+                        "location {location} of tyre {tyre} shoulder {side} is cracked by {first} or by {}, and sound by the \
+                         other: they are of two casings of one name, or of one at two times",
+                        scan.archive
+                    );
+                }
             }
             shoulder.sort_by(|a, b| (a.tapped_ns, &a.archive).cmp(&(b.tapped_ns, &b.archive)));
             // A copy is no second scan.

@@ -55,7 +55,8 @@ pub struct Done {
 /// Does the job on `engine`, unless it is committed already.
 ///
 /// # Errors
-/// Places that cannot be read or written, a program that is not there, and an engine that fails. Nothing is committed then.
+/// Places that cannot be read or written, a program that is not there, an engine that fails, and archives that all fail alike.
+/// Nothing is committed then.
 pub async fn reprocess(order: &Order, engine: &Engine) -> Result<Done> {
     let files = find(&order.places, false).await?;
     let out = out_place(&order.out, &order.places)?;
@@ -79,10 +80,14 @@ pub async fn reprocess(order: &Order, engine: &Engine) -> Result<Done> {
     let rows = context.read_table(Arc::new(table)).context("cannot plan the job")?.collect().await;
     let rows = rows.with_context(|| format!("{}; nothing is committed", engine.at()))?;
     let committed = Committed { rows: checked(rows_of(&rows)?, &files)?, ..Committed::new(job) };
-    // Then it is the request that is wrong.
-    if let Some(first) = committed.failed().next().filter(|_| committed.failed().count() == files.len()) {
-        let (file, why) = (&first.file, first.error.as_deref().unwrap_or("not judged"));
-        bail!("none of {} archives can be judged, and nothing is committed: {file}: {why}", files.len());
+    // If all archives fail alike, the request is wrong.
+    if let [first, others @ ..] = &committed.failed().collect::<Vec<_>>()[..]
+        && files.len() > 1
+        && others.len() + 1 == files.len()
+        && others.iter().all(|other| other.error == first.error)
+    {
+        let why = first.error.as_deref().unwrap_or("not judged");
+        bail!("none of {} archives can be judged, and nothing is committed: {why}", files.len());
     }
     let was_there = !gathering.commit(&committed, &files).await?;
     let committed = match was_there {

@@ -179,8 +179,12 @@ fn printed(output: &Output, work: &Path) -> Result<Result<Printed, String>> {
     }
     let err = String::from_utf8_lossy(&output.stderr).replace(&format!("{}/", work.display()), "");
     // A message of several lines shows the place in a configuration.
-    let why = err.rsplit_once("tapline: ").map(|(_, why)| why.trim_end().to_owned());
-    let why = why.unwrap_or_else(|| format!("tapline reprocess ended with {}", output.status));
+    let of_program = err.lines().position(|line| line.starts_with("tapline: ")).unwrap_or(0);
+    let why = err.lines().skip(of_program).collect::<Vec<_>>().join("\n");
+    let why = match why.trim().trim_start_matches("tapline: ") {
+        "" => format!("tapline reprocess ended with {}", output.status),
+        why => why.to_owned(),
+    };
     ensure!(!OF_HOST.iter().any(|fault| why.contains(fault)), "{why}");
     Ok(Err(why))
 }
