@@ -31,12 +31,8 @@ impl ReferenceFile {
     }
 }
 
-/// The results of an archive fused again, as its `fuse` and its reference have it; `None` where this program cannot do so.
-pub(crate) fn fused_again(
-    reader: &Reader,
-    fuse: &FuseConfig,
-    set: Option<Arc<ReferenceSet>>,
-) -> Result<Option<Fusion>> {
+/// The fusion of what an archive has, as its `fuse` and its reference have it; `None` where this program cannot do so.
+pub(crate) fn fusion_of(reader: &Reader, fuse: &FuseConfig, set: Option<Arc<ReferenceSet>>) -> Result<Option<Fusion>> {
     let Ok(mut fusion) = Fusion::by(fuse, reader.plan(), set) else { return Ok(None) };
     for record in reader.discriminators()?.iter().flatten() {
         fusion.push(record)?;

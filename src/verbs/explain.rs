@@ -16,7 +16,7 @@ use tapline_wire::{Discriminator, Scan, TapState, Verdict};
 use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
 use crate::config::Config;
 use crate::config::lineage::made_by;
-use crate::config::reference::fused_again;
+use crate::config::reference::fusion_of;
 use tapline_host::stdout::Stdout;
 
 /// Prints where the results of the archives at `paths` come from; for one shoulder, and one location of it, also the numbers. Of
@@ -200,7 +200,7 @@ fn scores_at(reader: &Reader, number: usize, location: u32) -> Result<Vec<(&'sta
     let config = Config::parse(reader.config());
     let set = reader.reference().map(ReferenceSet::parse).transpose();
     let (Ok(config), Ok(set)) = (config, set) else { return Ok(Vec::new()) };
-    let Some(mut fusion) = fused_again(reader, &config.fuse, set.map(Arc::new))? else { return Ok(Vec::new()) };
+    let Some(mut fusion) = fusion_of(reader, &config.fuse, set.map(Arc::new))? else { return Ok(Vec::new()) };
     let place = reader.plan().scans()[number].locations.iter().position(|&(known, _)| known == location);
     let score = |which| -> Result<_> {
         let scores = fusion.alone(number, which)?;

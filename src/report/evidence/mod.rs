@@ -17,7 +17,7 @@ use tapline_wire::{
 };
 
 use crate::config::Config;
-use crate::config::reference::fused_again;
+use crate::config::reference::fusion_of;
 use crate::report::evidence::condition::Condition;
 
 /// Everything that the pages of one archive show, except samples.
@@ -138,7 +138,7 @@ impl Evidence {
             config.fuse.directions = set.directions;
         }
         // Without a readable configuration there is no fusion, and no map of an offset.
-        let fusion = fused_again(reader, &config.fuse, reference.clone())?;
+        let fusion = fusion_of(reader, &config.fuse, reference.clone())?;
         let per_offset = fusion.map_or_else(Vec::new, |mut fusion| offsets::maps(&mut fusion, plan.scans().len()));
         let tap = |row: u32, places: &Places| {
             let planned = &plan.taps()[row as usize];
