@@ -102,6 +102,7 @@ fn a_shoulder_without_its_recordings_leaves_the_other_alone() {
         let (_, verdict, reasons) = of_shoulder("C3/2", lost);
         assert_eq!(verdict, "RE-INSPECT");
         assert!(reasons.contains("taps_refused") && reasons.contains("features_absent"), "{lost}: {reasons}");
+        assert!(!reasons.contains("level_unknown"), "it is the shoulder that has no level, not the reference: {reasons}");
     }
 }
 
