@@ -213,6 +213,12 @@ fn verdict_columns<'a>(name: Option<&str>) -> Vec<Column<VerdictRow<'a>>> {
         }));
     }
     for which in Discriminator::ALL {
+        let name = format!("scatter_{}", which.name());
+        columns.push(Column::f64(name, "1", move |row: &VerdictRow<'_>| {
+            row.value(|judgement| judgement.scatter[which as usize])
+        }));
+    }
+    for which in Discriminator::ALL {
         let name = format!("drift_{}", which.name());
         columns.push(Column::f64(name, "1", move |row: &VerdictRow<'_>| {
             row.value(|judgement| judgement.drift[which as usize])

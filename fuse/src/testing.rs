@@ -13,7 +13,7 @@ use tapline_wire::{
 
 use crate::{Fusion, Score, ScorePool};
 
-/// A casing, its scan and its scatter; standard deviations are in those of one tap.
+/// A casing, its scan and its scatter; standard deviations are in percent of a level.
 #[derive(Debug, Clone)]
 pub(crate) struct Casing {
     pub shoulder_count: u16,
@@ -21,6 +21,8 @@ pub(crate) struct Casing {
     pub offsets_mm: Vec<f64>,
     pub velocities_m_per_s: Vec<f64>,
     pub repetition_count: u16,
+    /// Scatter from tap to tap.
+    pub tap_sd: f64,
     /// Scatter from location to location.
     pub location_sd: f64,
     /// Height of the smooth change along the ring.
@@ -43,6 +45,7 @@ impl Default for Casing {
             offsets_mm: vec![0.0, 10.0],
             velocities_m_per_s: vec![1.0, 1.5],
             repetition_count: 2,
+            tap_sd: 1.0,
             location_sd: 0.5,
             smooth: 0.3,
             correlation: 0.6,
@@ -152,7 +155,7 @@ pub(crate) fn records(casing: &Casing, plan: &Plan, seed: u64) -> Vec<Discrimina
             let sign = if which == Discriminator::FMax { -1.0 } else { 1.0 };
             let damage = if is_cracked && casing.shifted.contains(&which) { sign * casing.shift } else { 0.0 };
             let drift = if tap.is_closing() { 1e6 } else { 0.0 };
-            let deviation = level[which as usize] + noise + damage + drift;
+            let deviation = level[which as usize] + casing.tap_sd * noise + damage + drift;
             // PR is a part of a whole; what has a unit has another level in every condition.
             let level = if which == Discriminator::Pr { 0.003 } else { condition * 10_f64.powi(which as i32 - 3) };
             values.set(which, Some(level * (100.0 + deviation)));

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use serde::{Deserialize, Serialize};
 use tapline_host::colour::Colour;
+use tapline_host::messages::{shares_of_taps, times_the_reference};
 use tapline_store::{Reader, Region, casing_id, regions};
 use tapline_wire::{
     Calibration, Channel, DamageCell, Judgement, Quality, Reasons, Scan, TapState, Verdict, monotonic_ns,
@@ -56,6 +57,9 @@ pub(crate) struct ShoulderVerdict {
     /// The flags on more than half of its taps, with their shares.
     #[serde(default)]
     pub flags: BTreeMap<String, f64>,
+    /// How far each discriminator scatters from place to place, as a multiple of how far it does in the reference, if that is too far.
+    #[serde(default)]
+    pub scatter: BTreeMap<String, f64>,
     pub regions: usize,
     /// The regions: where damage lies.
     pub arcs: Vec<DamageArc>,
@@ -165,6 +169,7 @@ impl ShoulderVerdict {
             verdict: Verdict::ReInspect,
             reasons: Reasons::NOT_ENDED.to_string(),
             flags: BTreeMap::new(),
+            scatter: BTreeMap::new(),
             regions: 0,
             arcs: Vec::new(),
             peak_damage_index: None,
@@ -189,6 +194,10 @@ impl ShoulderVerdict {
                 let flags = Quality::on_most(qualities);
                 line.flags = flags.into_iter().map(|(flag, share)| (flag.to_string(), share)).collect();
             }
+            if judgement.reasons.contains(Reasons::SCATTER_OFF) {
+                line.scatter =
+                    judgement.known_scatter().map(|(which, times)| (which.name().to_owned(), times)).collect();
+            }
             line.arcs = regions(reader.plan().geometry, &cells).into_iter().map(DamageArc::from).collect();
             line.regions = line.arcs.len();
             line.peak_damage_index = peak.map(|cell| cell.damage_index);
@@ -212,12 +221,16 @@ impl ShoulderVerdict {
         format!("{verdict} {}/{}", self.tyre, self.shoulder)
     }
 
-    /// Its reasons but some for people, with `between` them; flags that it speaks of have their names and shares.
+    /// Its reasons but some for people, with `between` them; flags that it speaks of have their names and shares, and scatter its size.
     pub(crate) fn why(&self, between: &str, but: &[&str]) -> String {
-        let flags = self.flags.iter().map(|(name, share)| format!("{name} on {:.0} % of the taps", 100.0 * share));
-        let flagged = flags.collect::<Vec<_>>().join(", ");
         let reasons = self.reasons.split('|').filter(|reason| !but.contains(reason)).map(|reason| match reason {
-            "flagged" if !flagged.is_empty() => format!("flagged: {flagged}"),
+            "flagged" if !self.flags.is_empty() => {
+                format!("flagged: {}", shares_of_taps(self.flags.iter().map(|(name, share)| (name.as_str(), *share))))
+            }
+            "scatter_off" if !self.scatter.is_empty() => {
+                let scatter = self.scatter.iter().map(|(name, times)| (name.as_str(), *times));
+                format!("scatter_off: {}", times_the_reference(scatter))
+            }
             reason => reason.to_owned(),
         });
         reasons.collect::<Vec<_>>().join(between)

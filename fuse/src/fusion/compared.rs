@@ -68,6 +68,10 @@ pub(super) struct Compared {
     pub conditions: Conditions,
     /// `None` where the reference teaches nothing of such a scan.
     pub found: Option<Found>,
+    /// By shoulder, whether its places differ more than those of the reference: by its scales noise is damage.
+    pub is_scatter_off: Vec<bool>,
+    /// What the casing says of itself, where there is such a shoulder.
+    pub own: Option<Found>,
 }
 
 /// What a reference says of a casing.
@@ -110,24 +114,25 @@ impl Fusion {
         let all = |&scan: &usize| self.shoulder(&conditions, &normalisation, scan);
         let first = |&scan: &usize| all(&scan).without_second_readings();
         let shoulders: Vec<Shoulder> = scans.iter().map(all).collect();
-        let setup = setup(&self.config, &conditions, self.who.is_own, self.plan.geometry == Geometry::Line);
+        let setup = |is_own| setup(&self.config, &conditions, is_own, self.plan.geometry == Geometry::Line);
         let offsets = conditions.offsets_inwards();
+        let fitted_to_itself = || {
+            let firsts: Vec<Shoulder> = scans.iter().map(first).collect();
+            FittedReference::fit(setup(true), &offsets, &firsts).map(Arc::new)
+        };
         let fitted = match &self.set {
-            Some(set) => set.fitted(&setup, &offsets, &pattern, &normalisation),
-            None if self.who.is_own => {
-                let firsts: Vec<Shoulder> = scans.iter().map(first).collect();
-                FittedReference::fit(setup, &offsets, &firsts).map(Arc::new)
-            }
+            Some(set) => set.fitted(&setup(false), &offsets, &pattern, &normalisation),
+            None if self.who.is_own => fitted_to_itself(),
             None => {
                 let named: Vec<Shoulder> = self.who.reference(scan).iter().map(first).collect();
-                FittedReference::fit(setup, &offsets, &named).map(Arc::new)
+                FittedReference::fit(setup(false), &offsets, &named).map(Arc::new)
             }
         };
-        let found = fitted.map(|fitted| {
+        let found = |fitted: Arc<FittedReference>| {
             let casing: Vec<&Shoulder> = shoulders.iter().collect();
             let has_second = casing.iter().any(|shoulder| shoulder.turns.iter().any(|turn| turn.controls.is_some()));
             // A casing that is its own reference was scored when that was fitted, without second readings.
-            let is_scored = self.who.is_own && !has_second;
+            let is_scored = fitted.setup.is_own && !has_second;
             let scores = if is_scored { fitted.own_scores.clone() } else { fitted.index.scores(&casing) };
             let readings = has_second.then(|| {
                 let alone = |which: &dyn Fn(&usize) -> Shoulder| {
@@ -137,8 +142,16 @@ impl Fusion {
                 Readings { first: alone(&first), second: alone(&|scan| all(scan).of_second_readings()) }
             });
             Found { fitted, scores, readings }
-        });
-        Compared { scans, shoulders, conditions, found }
+        };
+        let by_reference = fitted.map(&found);
+        let is_off = |(number, shoulder): (usize, &Shoulder)| {
+            by_reference.as_ref().is_some_and(|Found { fitted, scores, .. }| {
+                fitted.is_scatter_off(self.config.re_inspect_rate, &shoulder.ring, &scores[number])
+            })
+        };
+        let is_scatter_off: Vec<bool> = shoulders.iter().enumerate().map(is_off).collect();
+        let own = if is_scatter_off.contains(&true) { fitted_to_itself().map(&found) } else { None };
+        Compared { scans, shoulders, conditions, found: by_reference, is_scatter_off, own }
     }
 
     /// The taps that scan number `scan` has, under the conditions of its casing and of its reference.

@@ -41,7 +41,13 @@ pub struct OffsetMap {
 /// A shoulder with what its reference says of it.
 pub(super) struct View<'a> {
     pub(super) shoulder: &'a Shoulder,
+    /// What it is compared with.
     pub(super) fitted: &'a FittedReference,
+    /// The reference that was named: another one where the scatter of the shoulder is off.
+    reference: &'a FittedReference,
+    is_scatter_off: bool,
+    /// As in [`Scores`], beside the reference that was named.
+    scatter: &'a [f64],
     pub(super) scores: &'a Scores,
     pub(super) maps: Maps,
     /// Without second readings; `None` where there are none.
@@ -52,13 +58,20 @@ pub(super) struct View<'a> {
 
 impl Compared {
     /// Of scan number `scan`, which is among those compared.
+    ///
+    /// A shoulder whose scatter is off is compared with its own casing.
     pub(super) fn view(&self, scan: usize) -> Option<View<'_>> {
         let number = self.scans.iter().position(|&s| s == scan)?;
-        let Found { fitted, scores, readings } = self.found.as_ref()?;
+        let named = self.found.as_ref()?;
+        let is_scatter_off = self.is_scatter_off[number];
+        let Found { fitted, scores, readings } = self.own.as_ref().filter(|_| is_scatter_off).unwrap_or(named);
         let maps = |scores: &Vec<Scores>| fitted.statistic.maps(&scores[number].by_offset);
         Some(View {
             shoulder: &self.shoulders[number],
             fitted,
+            reference: &named.fitted,
+            is_scatter_off,
+            scatter: &named.scores[number].scatter,
             scores: &scores[number],
             maps: maps(scores),
             first_maps: readings.as_ref().map(|readings| maps(&readings.first)),
@@ -258,12 +271,21 @@ impl View<'_> {
         if 2 * is_inside.iter().filter(|&&inside| inside).count() > ring.len() {
             judgement.reasons.insert(Reasons::NO_SOUND_MAJORITY);
         }
-        match self.fitted.levels.as_ref().and_then(|levels| levels.probability(self.shoulder, other)) {
+        for (&(which, _), &scatter) in self.reference.setup.discriminators.iter().zip(self.scatter) {
+            judgement.scatter[which as usize] = scatter;
+        }
+        if self.is_scatter_off {
+            judgement.reasons.insert(Reasons::SCATTER_OFF);
+        }
+        if self.fitted.setup.is_own {
+            judgement.reasons.insert(Reasons::SELF_REFERENCE);
+        }
+        match self.reference.levels.as_ref().and_then(|levels| levels.probability(self.shoulder, other)) {
             Some(probability) if probability < config.reject_rate => judgement.reasons.insert(Reasons::LEVEL_OFF),
             Some(_) => {}
             // Of a casing that is its own reference another reason says it, and locations in a line have no level in common.
             // Nor has a shoulder of which nothing came.
-            None if self.fitted.casing_count > 0
+            None if self.reference.casing_count > 0
                 && geometry == Geometry::Ring
                 && index.iter().any(|value| !value.is_nan()) =>
             {

@@ -107,6 +107,7 @@ impl Index for Extremes {
                 uncut: by_offset,
                 by_discriminator: vec![vec![f64::NAN; width]; place_count],
                 is_inlier: vec![true; place_count],
+                scatter: Vec::new(),
             };
             for (place, conditions) in averaged(&self.setup, shoulder).into_iter().enumerate() {
                 for (d, mean_score) in scores.by_discriminator[place].iter_mut().enumerate() {

@@ -44,6 +44,9 @@ pub(crate) struct Scores {
     pub by_discriminator: Vec<Vec<f64>>,
     /// Places that are not left out of the level of their turns, as ones that stand out are.
     pub is_inlier: Vec<bool>,
+    /// How far each discriminator scatters from place to place, as a multiple of how far it does in the reference, in the order of
+    /// [`Setup::discriminators`]; NaN where too few values tell. Empty of an index that does not look.
+    pub scatter: Vec<f64>,
 }
 
 impl Scores {
@@ -58,6 +61,12 @@ impl Scores {
     pub(crate) fn places_shown(&self) -> usize {
         let count = self.by_offset.first().map_or(0, Vec::len);
         (0..count).filter(|&place| self.by_offset.iter().any(|of_offset| has_value(&of_offset[place]))).count()
+    }
+
+    /// The root mean square of the scatter of the discriminators; `None` where none is known.
+    pub(crate) fn mean_scatter(&self) -> Option<f64> {
+        let squares: Vec<f64> = self.scatter.iter().filter(|x| x.is_finite()).map(|x| x * x).collect();
+        (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
     }
 }
 

@@ -8,6 +8,8 @@ use crate::arcs::white::{self, White};
 use crate::evidence::has_value;
 use crate::index::{self, Index, Scores, Setup};
 use crate::shoulder::Shoulder;
+use crate::shoulder::ring::Ring;
+use crate::stats::mean_and_sd;
 use crate::verdict::supported::supported_rate;
 use crate::verdict::whole_shoulder::Levels;
 
@@ -28,6 +30,8 @@ pub(crate) struct FittedReference {
     pub casing_count: usize,
     /// Strongest arc of each of its shoulders, judged by the other casings, and the number of its casing.
     pub strongest: Vec<(usize, f64)>,
+    /// How far the places of its shoulders differ; `None` where shoulders are their own reference, or the index does not look.
+    pub scatter: Option<UsualScatter>,
     /// What the index says of its own shoulders, where they are what is judged; none of others.
     pub own_scores: Vec<Scores>,
     /// What noise alone makes of arcs.
@@ -42,10 +46,17 @@ impl FittedReference {
         let Learned { index, statistic, own_scores, sound_scores: scores } = learn(&setup, offsets, &all)?;
         let casings: Vec<&[Shoulder]> = shoulders.chunk_by(|a, b| a.casing == b.casing).collect();
         let casing_count = if setup.is_own { 0 } else { casings.len() };
-        let strongest: Vec<(usize, f64)> = match casing_count {
+        let left_out: Vec<LeftOut> = match casing_count {
             0 | 1 => Vec::new(),
             _ => (casings.par_iter()).flat_map_iter(|casing| left_out(&setup, offsets, shoulders, casing)).collect(),
         };
+        let strongest: Vec<(usize, f64)> = left_out.iter().map(|of| (of.casing, of.strongest)).collect();
+        let scatter: Vec<f64> = match casing_count {
+            0 => Vec::new(),
+            1 => scores.iter().filter_map(Scores::mean_scatter).collect(),
+            _ => left_out.iter().filter_map(|of| of.scatter).collect(),
+        };
+        let scatter = UsualScatter::of(&scatter);
         // Of shoulders with labels the one that shows most: another may have no sound place.
         let shown = |scores: &Scores| scores.by_offset.iter().flatten().filter(|scores| has_value(scores)).count();
         let rings = shoulders.iter().map(|shoulder| &shoulder.ring).zip(&scores);
@@ -60,12 +71,52 @@ impl FittedReference {
         let values: Vec<f64> = strongest.iter().map(|(_, value)| *value).collect();
         let limits = Limits::by(&values, casing_count, white);
         let levels = if setup.is_own { None } else { Levels::fit(&setup, &all) };
-        Some(Self { setup, index, statistic, limits, levels, casing_count, strongest, own_scores, white })
+        Some(Self { setup, index, statistic, limits, levels, casing_count, strongest, scatter, own_scores, white })
+    }
+
+    /// Whether the places of a shoulder on `ring` differ from one another more than those of sound ones do.
+    ///
+    /// Less tells so of one that would not pass: it is compared with its own casing then, which makes nothing of it a PASS.
+    pub(crate) fn is_scatter_off(&self, re_inspect_rate: f64, ring: &Ring, scores: &Scores) -> bool {
+        let Some((usual, scatter)) = self.scatter.zip(scores.mean_scatter()) else { return false };
+        let is_called = || {
+            let limit = self.limits.at(re_inspect_rate).next_down();
+            self.statistic.strongest_above(limit, ring, &self.statistic.maps(&scores.by_offset)).is_some()
+        };
+        scatter > usual.far_off() || scatter > usual.off() && is_called()
     }
 
     /// The least rate of false calls that it supports without assuming a distribution; `None` of fewer than two casings.
     pub(crate) fn supported_rate(&self) -> Option<f64> {
         supported_rate(self.casing_count)
+    }
+}
+
+/// How far the places of a reference's shoulders differ from one another: mean and standard deviation of [`Scores::mean_scatter`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct UsualScatter {
+    mean: f64,
+    sd: f64,
+}
+
+impl UsualScatter {
+    /// The standard deviation is taken for no less: by a few shoulders it may come out too small.
+    const SD_MIN: f64 = 0.08;
+
+    fn of(scatter: &[f64]) -> Option<Self> {
+        let (mean, sd) = mean_and_sd(scatter).or_else(|| Some((*scatter.first()?, 0.0)))?;
+        Some(Self { mean, sd: if sd > Self::SD_MIN { sd } else { Self::SD_MIN } })
+    }
+
+    /// What a shoulder that would not pass scatters less than, if it is like the reference's: 1 sound one in 40 does not.
+    fn off(self) -> f64 {
+        self.mean + 2.0 * self.sd
+    }
+
+    /// What every such shoulder scatters less than.
+    fn far_off(self) -> f64 {
+        let far = 1.5 * self.mean;
+        if far > self.off() { far } else { self.off() }
     }
 }
 
@@ -103,14 +154,25 @@ fn learn(setup: &Setup, offsets: &[usize], shoulders: &[&Shoulder]) -> Option<Le
     Some(Learned { index, statistic, own_scores, sound_scores: scores })
 }
 
-/// The strongest arc of each shoulder of `casing`, judged by all casings but itself, with the casing's number.
-fn left_out(setup: &Setup, offsets: &[usize], shoulders: &[Shoulder], casing: &[Shoulder]) -> Vec<(usize, f64)> {
+/// What the other casings of a reference say of a shoulder.
+struct LeftOut {
+    /// Number of its casing.
+    casing: usize,
+    /// How far its strongest arc stands out.
+    strongest: f64,
+    /// [`Scores::mean_scatter`].
+    scatter: Option<f64>,
+}
+
+/// What all casings but itself say of the shoulders of `casing`.
+fn left_out(setup: &Setup, offsets: &[usize], shoulders: &[Shoulder], casing: &[Shoulder]) -> Vec<LeftOut> {
     let others: Vec<&Shoulder> = shoulders.iter().filter(|shoulder| shoulder.casing != casing[0].casing).collect();
     let Some(Learned { index, statistic, .. }) = learn(setup, offsets, &others) else { return Vec::new() };
     let own: Vec<&Shoulder> = casing.iter().collect();
-    let strongest = |(shoulder, mut scores): (&Shoulder, Scores)| {
+    let of = |(shoulder, mut scores): (&Shoulder, Scores)| {
         scores.hide(&shoulder.sound());
-        Some((shoulder.casing, statistic.strongest(&shoulder.ring, &statistic.maps(&scores.by_offset))?.value))
+        let strongest = statistic.strongest(&shoulder.ring, &statistic.maps(&scores.by_offset))?.value;
+        Some(LeftOut { casing: shoulder.casing, strongest, scatter: scores.mean_scatter() })
     };
-    casing.iter().zip(index.scores(&own)).filter_map(strongest).collect()
+    casing.iter().zip(index.scores(&own)).filter_map(of).collect()
 }

@@ -377,3 +377,26 @@ fn few_casings_tell_no_level() {
         assert_eq!(said, count < 5, "{count}");
     }
 }
+
+#[test]
+fn a_casing_that_is_noisier_than_the_reference_is_compared_with_itself() {
+    // Catches noise that is taken for damage, a crack that is lost in it, and sound casings that are called noisy, or are so when they
+    // are quieter.
+    let set = build_reference(&built(file()), sound(8)).unwrap();
+    let noisy = Casing { tap_sd: 3.0, ..Casing::default() };
+    let cracked = Casing { cracks: vec![(1, 40..46)], shift: 12.0, ..noisy.clone() };
+    for seed in 0..10 {
+        let (verdict, reasons, _) = judged(&set, &file(), &noisy, seed);
+        let expected = Reasons::SCATTER_OFF | Reasons::SELF_REFERENCE;
+        assert!(verdict == Verdict::ReInspect && reasons.contains(expected), "{seed}: {verdict} {reasons}");
+        let (verdict, reasons, regions) = judged(&set, &file(), &cracked, seed);
+        assert!(verdict == Verdict::Reject && reasons.contains(Reasons::SCATTER_OFF), "{seed}: {verdict} {reasons}");
+        assert!((41..45).all(|location| regions.contains(&location)), "{seed}: {regions:?}");
+    }
+    for (tap_sd, most) in [(1.0, 1), (0.5, 0)] {
+        let casing = Casing { tap_sd, ..Casing::default() };
+        let told =
+            (0..40).filter(|&seed| judged(&set, &file(), &casing, seed).1.contains(Reasons::SCATTER_OFF)).count();
+        assert!(told <= most, "{tap_sd}: {told} of 40");
+    }
+}

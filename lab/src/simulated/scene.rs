@@ -37,12 +37,20 @@ pub enum Scene {
     Short,
     /// Sound casings on a rig with eight times the noise.
     SoundNoise,
+    /// The same by a reference without that noise.
+    SoundNoisier,
+    /// Sound casings with rogue taps, drifts and places that differ, by a reference of smooth ones.
+    SoundRougher,
     /// One or two faint cracks on smooth casings.
     FaintSmooth,
     /// The same on rough ones.
     FaintRough,
     /// The same beside eight times the noise.
     FaintNoise,
+    /// The same by a reference without that noise.
+    FaintNoisier,
+    /// Faint cracks on rough casings, by a reference of smooth ones.
+    FaintRougher,
     /// One or two strong cracks on smooth casings.
     StrongSmooth,
     /// The same on rough ones.
@@ -141,7 +149,7 @@ impl Simulator {
 
 impl Scene {
     /// All of them.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 18] = [
         Self::SoundSmooth,
         Self::SoundRough,
         Self::Gain08,
@@ -149,9 +157,13 @@ impl Scene {
         Self::GainDrift,
         Self::Short,
         Self::SoundNoise,
+        Self::SoundNoisier,
+        Self::SoundRougher,
         Self::FaintSmooth,
         Self::FaintRough,
         Self::FaintNoise,
+        Self::FaintNoisier,
+        Self::FaintRougher,
         Self::StrongSmooth,
         Self::StrongRough,
         Self::MostOfRing,
@@ -172,12 +184,12 @@ impl Scene {
     pub fn set_name(self) -> &'static str {
         match self {
             Self::SoundSmooth | Self::Gain08 | Self::Gain12 | Self::GainDrift => "sound-smooth",
-            Self::SoundRough => "sound-rough",
+            Self::SoundRough | Self::SoundRougher => "sound-rough",
             Self::Short => "sound-short",
-            Self::SoundNoise => "sound-noise",
+            Self::SoundNoise | Self::SoundNoisier => "sound-noise",
             Self::FaintSmooth => "faint-smooth",
-            Self::FaintRough => "faint-rough",
-            Self::FaintNoise => "faint-noise",
+            Self::FaintRough | Self::FaintRougher => "faint-rough",
+            Self::FaintNoise | Self::FaintNoisier => "faint-noise",
             Self::StrongSmooth => "strong-smooth",
             Self::StrongRough => "strong-rough",
             Self::MostOfRing => "most-of-ring",
@@ -188,15 +200,25 @@ impl Scene {
     /// The sound scene whose population and rig its reference has.
     pub fn reference_scene(self) -> Self {
         match self {
-            Self::SoundRough | Self::FaintRough | Self::StrongRough => Self::SoundRough,
-            Self::SoundNoise | Self::FaintNoise => Self::SoundNoise,
+            Self::SoundNoisier | Self::SoundRougher | Self::FaintNoisier | Self::FaintRougher => Self::SoundSmooth,
+            _ => self.sound_scene(),
+        }
+    }
+
+    /// The sound scene whose population and rig its casings have.
+    fn sound_scene(self) -> Self {
+        match self {
+            Self::SoundRough | Self::SoundRougher | Self::FaintRough | Self::FaintRougher | Self::StrongRough => {
+                Self::SoundRough
+            }
+            Self::SoundNoise | Self::SoundNoisier | Self::FaintNoise | Self::FaintNoisier => Self::SoundNoise,
             _ => Self::SoundSmooth,
         }
     }
 
     /// Casings and rig, as `plate` has them.
     pub fn population(self) -> Population {
-        match self.reference_scene() {
+        match self.sound_scene() {
             Self::SoundRough => Population::rough(),
             Self::SoundNoise => Population::smooth().with_noise(NOISE_TIMES),
             _ => Population::smooth(),
@@ -207,7 +229,7 @@ impl Scene {
     pub fn simulation(self) -> SimulationConfig {
         let plain = SimulationConfig::default();
         let fault = |kind| PlantedFault { kind, fraction: 0.005 };
-        match self.reference_scene() {
+        match self.sound_scene() {
             Self::SoundRough => SimulationConfig {
                 ring_variation: 0.05,
                 location_scatter: 0.04,
@@ -232,7 +254,7 @@ impl Scene {
     /// Cracks of a casing, drawn by `rng`; `None` for a sound scene.
     fn cracks(self) -> Option<fn(&mut ChaCha8Rng, u32) -> Vec<Crack>> {
         match self {
-            Self::FaintSmooth | Self::FaintRough | Self::FaintNoise => {
+            Self::FaintSmooth | Self::FaintRough | Self::FaintNoise | Self::FaintNoisier | Self::FaintRougher => {
                 Some(|rng, n| apart(rng, n, (1, 4), (12.0, 20.0), (10.0, 20.0), (0.15, 0.8)))
             }
             Self::StrongSmooth | Self::StrongRough => {

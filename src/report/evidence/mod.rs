@@ -12,8 +12,8 @@ use anyhow::Result;
 use tapline_fuse::{OffsetMap, ReferenceSet};
 use tapline_store::{Judged, Reader, Region, regions};
 use tapline_wire::{
-    DamageCell, Discriminators, Geometry, Quality, Reasons, Recording, Scan, ScanState, Serial, SourceKind, TapState,
-    Verdict,
+    DamageCell, Discriminator, Discriminators, Geometry, Quality, Reasons, Recording, Scan, ScanState, Serial,
+    SourceKind, TapState, Verdict,
 };
 
 use crate::config::Config;
@@ -73,6 +73,8 @@ pub(crate) struct Shoulder {
     pub strongest_arc: Option<f64>,
     /// The same by the first reading alone, if anything was tapped again.
     pub first_strongest_arc: Option<f64>,
+    /// [`Judgement::known_scatter`].
+    pub scatter: Vec<(Discriminator, f64)>,
     /// Ascending by location; without an index if nothing is judged.
     pub cells: Vec<Cell>,
     /// Whether its places are angles around a ring, and not numbers of locations.
@@ -247,6 +249,7 @@ fn shoulder(
         limits: limits.filter(|limits| limits.re_inspect.is_finite() && limits.reject.is_finite()),
         strongest_arc: judgement.map(|j| j.strongest_arc).filter(|arc| arc.is_finite()),
         first_strongest_arc: judgement.map(|j| j.first_strongest_arc).filter(|arc| arc.is_finite()),
+        scatter: judgement.iter().flat_map(|judgement| judgement.known_scatter()).collect(),
         cells: map.iter().map(cell).collect(),
         is_round: places.is_round,
         regions: regions(reader.plan().geometry, &map),

@@ -1,7 +1,7 @@
 //! What to mark on a casing: the regions of each shoulder, and the reasons of its verdict.
 
 use maud::{Markup, html};
-use tapline_host::messages::counted;
+use tapline_host::messages::{counted, shares_of_taps, times_the_reference};
 use tapline_store::Region;
 use tapline_wire::{Discriminator, Geometry, Quality, Reasons};
 
@@ -29,6 +29,7 @@ pub(crate) fn verdicts(geometry: Geometry, tyre: &Tyre) -> Markup {
                 td data-label="why" {
                     (words::reasons(geometry, shoulder.reasons.difference(common))) " "
                     @if let Some(flags) = flags(shoulder) { (flags) " " }
+                    @if let Some(scatter) = scatter(shoulder) { (scatter) " " }
                     (rests_on(shoulder))
                 }
                 td class="n" data-label="strongest arc" {
@@ -47,10 +48,17 @@ pub(crate) fn verdicts(geometry: Geometry, tyre: &Tyre) -> Markup {
 fn flags(shoulder: &Shoulder) -> Option<String> {
     let found = shoulder.taps.iter().filter_map(|tap| tap.found.as_ref());
     let flags = Quality::on_most(found.map(|found| found.quality)).into_iter();
-    let flags: Vec<String> =
-        flags.map(|(flag, share)| format!("{flag} on {:.0} % of the taps", 100.0 * share)).collect();
+    let flags: Vec<(String, f64)> = flags.map(|(flag, share)| (flag.to_string(), share)).collect();
+    let named = || flags.iter().map(|(flag, share)| (flag.as_str(), *share));
     (shoulder.reasons.contains(Reasons::FLAGGED) && !flags.is_empty())
-        .then(|| format!("Flagged: {}.", flags.join(", ")))
+        .then(|| format!("Flagged: {}.", shares_of_taps(named())))
+}
+
+/// How far the places differ, of which a reason of the verdict speaks.
+fn scatter(shoulder: &Shoulder) -> Option<String> {
+    let scatter = shoulder.scatter.iter().map(|(which, times)| (which.name(), *times));
+    (shoulder.reasons.contains(Reasons::SCATTER_OFF) && !shoulder.scatter.is_empty())
+        .then(|| format!("Scatter: {}.", times_the_reference(scatter)))
 }
 
 /// The taps that a verdict rests on.

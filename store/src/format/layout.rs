@@ -267,6 +267,7 @@ pub(crate) struct ScanRow {
     pub reject_rate: f64,
     pub p_value: f64,
     pub evidence: [f64; Discriminator::COUNT],
+    pub scatter: [f64; Discriminator::COUNT],
     pub drift: [f64; Discriminator::COUNT],
     pub reasons: u32,
     pub planned_count: u32,

@@ -94,7 +94,7 @@ impl Default for DamageCell {
 /// The verdict on one shoulder; the cells of its damage map follow it.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("tapline.Judgement.v2")]
+#[type_name("tapline.Judgement.v3")]
 pub struct Judgement {
     /// Which record this is; `stamp.mark` is the number of the scan.
     pub stamp: Stamp,
@@ -119,6 +119,9 @@ pub struct Judgement {
     /// Mean score of each discriminator, in the order of [`Discriminator::ALL`](crate::Discriminator::ALL), where the index
     /// is highest: what speaks for damage there; NaN where it says nothing.
     pub evidence: [f64; Discriminator::COUNT],
+    /// How far each discriminator scatters from place to place, as a multiple of how far it does in the reference; NaN where it is
+    /// not known.
+    pub scatter: [f64; Discriminator::COUNT],
     /// Change of each discriminator from the first to the closing tap of a turn, as a share of its level, the median of
     /// all turns; NaN where there is no closing tap.
     pub drift: [f64; Discriminator::COUNT],
@@ -146,12 +149,21 @@ impl Default for Judgement {
             reject_rate: f64::NAN,
             p_value: f64::NAN,
             evidence: [f64::NAN; Discriminator::COUNT],
+            scatter: [f64::NAN; Discriminator::COUNT],
             drift: [f64::NAN; Discriminator::COUNT],
             planned_count: 0,
             received_count: 0,
             refused_count: 0,
             absent_count: 0,
         }
+    }
+}
+
+impl Judgement {
+    /// The discriminators whose [`scatter`](Self::scatter) is known.
+    pub fn known_scatter(&self) -> impl Iterator<Item = (Discriminator, f64)> {
+        let all = Discriminator::ALL.into_iter().map(|which| (which, self.scatter[which as usize]));
+        all.filter(|(_, times)| times.is_finite())
     }
 }
 

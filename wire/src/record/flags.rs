@@ -119,6 +119,8 @@ flags! {
             "The reference was tapped at other places, or recorded or analysed otherwise: nothing of this casing could be compared with it.";
         ONE_SHOULDER = 22, "one_shoulder":
             "The other shoulder of the casing was not tapped: damage there would not show.";
+        SCATTER_OFF = 23, "scatter_off":
+            "Its places differ from one another far more than those of the reference, as by noise: compared with itself.";
     }
 }
 

@@ -65,11 +65,13 @@ impl Index for Fused {
         let taps = self.taps(casing, &self.levels(casing));
         let (uncut, means) = (self.means(casing, &taps), self.means(casing, &self.borne_out(casing, &taps)));
         let inliers = self.inliers(casing, &means);
+        let first_levels = self.first_levels(casing);
         let of = |(number, is_inlier): (usize, Vec<bool>)| Scores {
             by_offset: self.by_offset(&means[number]),
             uncut: self.by_offset(&uncut[number]),
             by_discriminator: self.by_discriminator(casing[number], &taps[number]),
             is_inlier,
+            scatter: self.scatter(casing[number], &first_levels[number]),
         };
         inliers.into_iter().enumerate().map(of).collect()
     }
@@ -155,6 +157,20 @@ impl Fused {
             }
         }
         near
+    }
+
+    /// How far the taps of `shoulder` scatter about `levels` of its own, as a multiple of the reference's scale; by values below them,
+    /// which no damage raises.
+    fn scatter(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<f64> {
+        let of = |d: usize| {
+            let mut values = Vec::new();
+            for (turn, levels) in shoulder.turns.iter().zip(levels).filter(|(turn, _)| turn.controls.is_none()) {
+                let Some(scale) = self.scales[turn.condition][d] else { continue };
+                values.extend(self.above(turn, d, levels[d]).flatten().map(|y| y / scale.sigma));
+            }
+            Spread::below_zero(&mut values).map_or(f64::NAN, |spread| spread.sigma)
+        };
+        (0..self.setup.discriminators.len()).map(of).collect()
     }
 
     fn scales_of(&self, shoulders: &[&Shoulder], kept: &[Vec<bool>], levels: &[Levels]) -> Vec<Vec<Option<Scale>>> {
