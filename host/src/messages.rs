@@ -24,12 +24,13 @@ pub fn shares_of_taps<'a>(flags: impl IntoIterator<Item = (&'a str, f64)>) -> St
     flags.collect::<Vec<_>>().join(", ")
 }
 
-/// The three discriminators that scatter most beside the reference: "pr 3.2, a_1 2.9, p_f 2.5 times that of the reference".
+/// The discriminators that scatter most beside the reference, three at most: "pr 3.2, a_1 2.9 times the reference's".
 pub fn times_the_reference<'a>(scatter: impl IntoIterator<Item = (&'a str, f64)>) -> String {
     let mut scatter: Vec<_> = scatter.into_iter().collect();
     scatter.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let largest = scatter.iter().take(3).map(|(which, times)| format!("{which} {times:.1}"));
-    format!("{} times that of the reference", largest.collect::<Vec<_>>().join(", "))
+    let large = scatter.iter().filter(|(_, times)| *times >= 1.5).count().clamp(1, 3);
+    let large = scatter.iter().take(large).map(|(which, times)| format!("{which} {times:.1}"));
+    format!("{} times the reference's", large.collect::<Vec<_>>().join(", "))
 }
 
 /// Tells people `text`, unless they asked for errors alone; into a log for programs it goes as an event.

@@ -56,7 +56,7 @@ impl FittedReference {
             1 => scores.iter().filter_map(Scores::mean_scatter).collect(),
             _ => left_out.iter().filter_map(|of| of.scatter).collect(),
         };
-        let scatter = UsualScatter::of(&scatter);
+        let scatter = UsualScatter::of(&scatter, shoulders.first()?.place_count());
         // Of shoulders with labels the one that shows most: another may have no sound place.
         let shown = |scores: &Scores| scores.by_offset.iter().flatten().filter(|scores| has_value(scores)).count();
         let rings = shoulders.iter().map(|shoulder| &shoulder.ring).zip(&scores);
@@ -100,23 +100,23 @@ pub(crate) struct UsualScatter {
 }
 
 impl UsualScatter {
-    /// The standard deviation is taken for no less: by a few shoulders it may come out too small.
-    const SD_MIN: f64 = 0.08;
-
-    fn of(scatter: &[f64]) -> Option<Self> {
+    /// Of the `scatter` of shoulders with `place_count` places each.
+    fn of(scatter: &[f64], place_count: usize) -> Option<Self> {
         let (mean, sd) = mean_and_sd(scatter).or_else(|| Some((*scatter.first()?, 0.0)))?;
-        Some(Self { mean, sd: if sd > Self::SD_MIN { sd } else { Self::SD_MIN } })
+        // By a few shoulders it may come out too small: so many places tell one turn's scatter no better.
+        let sd_min = 0.8 / (place_count as f64).sqrt();
+        Some(Self { mean, sd: if sd > sd_min { sd } else { sd_min } })
     }
 
-    /// What a shoulder that would not pass scatters less than, if it is like the reference's: 1 sound one in 40 does not.
+    /// A shoulder that would not pass scatters too much from here on; 1 in 40 that are like the reference's does.
     fn off(self) -> f64 {
         self.mean + 2.0 * self.sd
     }
 
-    /// What every such shoulder scatters less than.
+    /// Any shoulder does from here on.
     fn far_off(self) -> f64 {
-        let far = 1.5 * self.mean;
-        if far > self.off() { far } else { self.off() }
+        let (half_more, rare) = (1.5 * self.mean, self.mean + 4.0 * self.sd);
+        if half_more > rare { half_more } else { rare }
     }
 }
 

@@ -120,7 +120,7 @@ flags! {
         ONE_SHOULDER = 22, "one_shoulder":
             "The other shoulder of the casing was not tapped: damage there would not show.";
         SCATTER_OFF = 23, "scatter_off":
-            "Its places differ from one another far more than those of the reference, as by noise: compared with itself.";
+            "Its places differ from one another more than those of the reference: there is more noise, or it is another kind of casing.";
     }
 }
 
