@@ -83,7 +83,8 @@ pub enum Error {
     },
     /// A reference is neither `self` nor `TYRE/SHOULDER` nor a file.
     #[error(
-        "reference is {text:?}; it must be \"self\", \"TYRE/SHOULDER\" with a shoulder of 0 to 65535, or the name of a .json file"
+        "reference is {text:?}; it must be \"self\", \"TYRE/SHOULDER\" with a shoulder of 0 to 65535, or the name of a .json file \
+         that `tapline reference` made"
     )]
     ReferenceText {
         /// What was given.

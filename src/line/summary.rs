@@ -332,6 +332,15 @@ fn print_verdicts(out: &mut impl io::Write, verdicts: &[ShoulderVerdict]) -> Res
     if !common.is_empty() {
         writeln!(out, "All shoulders: {}", common.join(", "))?;
     }
+    let is_off = |verdict: &&ShoulderVerdict| verdict.reasons.split('|').any(|reason| reason == "scatter_off");
+    let off = verdicts.iter().filter(is_off).count();
+    if off > 1 && 2 * off >= verdicts.len() {
+        writeln!(
+            out,
+            "{off} of {} shoulders scatter more than the reference: check the rig before you trust the others (docs/verdicts.md, scatter_off)",
+            verdicts.len()
+        )?;
+    }
     Ok(())
 }
 

@@ -57,7 +57,7 @@ pub(crate) struct ShoulderVerdict {
     /// The flags on more than half of its taps, with their shares.
     #[serde(default)]
     pub flags: BTreeMap<String, f64>,
-    /// How far each discriminator scatters from place to place, as a multiple of how far it does in the reference, if that is too far.
+    /// How far each discriminator scatters from place to place, as a multiple of how far it does in the reference, where that is known.
     #[serde(default)]
     pub scatter: BTreeMap<String, f64>,
     pub regions: usize,
@@ -194,10 +194,7 @@ impl ShoulderVerdict {
                 let flags = Quality::on_most(qualities);
                 line.flags = flags.into_iter().map(|(flag, share)| (flag.to_string(), share)).collect();
             }
-            if judgement.reasons.contains(Reasons::SCATTER_OFF) {
-                line.scatter =
-                    judgement.known_scatter().map(|(which, times)| (which.name().to_owned(), times)).collect();
-            }
+            line.scatter = judgement.known_scatter().map(|(which, times)| (which.name().to_owned(), times)).collect();
             line.arcs = regions(reader.plan().geometry, &cells).into_iter().map(DamageArc::from).collect();
             line.regions = line.arcs.len();
             line.peak_damage_index = peak.map(|cell| cell.damage_index);
@@ -233,7 +230,9 @@ impl ShoulderVerdict {
             }
             reason => reason.to_owned(),
         });
-        reasons.collect::<Vec<_>>().join(between)
+        let is_above = self.strongest_arc.zip(self.limit_re_inspect).is_some_and(|(arc, limit)| arc >= limit);
+        let cleared = (self.verdict == Verdict::Pass && is_above).then(|| "cleared by the second reading".to_owned());
+        cleared.into_iter().chain(reasons).filter(|reason| !reason.is_empty()).collect::<Vec<_>>().join(between)
     }
 }
 

@@ -96,6 +96,12 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
         bail!("--shoulder {missing} is in none of the archives that could be read{meant}");
     }
     let is_complete = outcome.end()?;
+    if shoulders.is_empty() {
+        bail!(
+            "no shoulder passed: name those that are known to be sound by --shoulder; where the rig has changed, first judge them by themselves \
+             (`tapline reprocess FOLDER --reference self`, then `tapline reference FOLDER --results`)"
+        );
+    }
     let mut built = built.context("no archive is named")?;
     let set = loop {
         built.lineage = lineage.iter().map(|(_, origin)| origin.clone()).collect();

@@ -63,10 +63,10 @@ impl Scores {
         (0..count).filter(|&place| self.by_offset.iter().any(|of_offset| has_value(&of_offset[place]))).count()
     }
 
-    /// The root mean square of the scatter of the discriminators; `None` where none is known.
-    pub(crate) fn mean_scatter(&self) -> Option<f64> {
+    /// The root mean square of the scatter of the discriminators; NaN where none is known.
+    pub(crate) fn mean_scatter(&self) -> f64 {
         let squares: Vec<f64> = self.scatter.iter().filter(|x| x.is_finite()).map(|x| x * x).collect();
-        (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+        (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
     }
 }
 

@@ -31,7 +31,7 @@ pub(crate) struct FittedReference {
     /// Strongest arc of each of its shoulders, judged by the other casings, and the number of its casing.
     pub strongest: Vec<(usize, f64)>,
     /// How far the places of its shoulders differ; `None` where shoulders are their own reference, or the index does not look.
-    pub scatter: Option<UsualScatter>,
+    pub scatter: Option<ScatterLimits>,
     /// What the index says of its own shoulders, where they are what is judged; none of others.
     pub own_scores: Vec<Scores>,
     /// What noise alone makes of arcs.
@@ -51,12 +51,12 @@ impl FittedReference {
             _ => (casings.par_iter()).flat_map_iter(|casing| left_out(&setup, offsets, shoulders, casing)).collect(),
         };
         let strongest: Vec<(usize, f64)> = left_out.iter().map(|of| (of.casing, of.strongest)).collect();
-        let scatter: Vec<f64> = match casing_count {
-            0 => Vec::new(),
-            1 => scores.iter().filter_map(Scores::mean_scatter).collect(),
-            _ => left_out.iter().filter_map(|of| of.scatter).collect(),
+        let place_count = shoulders.first()?.place_count();
+        let scatter = match casing_count {
+            0 => None,
+            1 => ScatterLimits::by(&scores.iter().collect::<Vec<_>>(), place_count),
+            _ => ScatterLimits::by(&left_out.iter().map(|of| &of.scores).collect::<Vec<_>>(), place_count),
         };
-        let scatter = UsualScatter::of(&scatter, shoulders.first()?.place_count());
         // Of shoulders with labels the one that shows most: another may have no sound place.
         let shown = |scores: &Scores| scores.by_offset.iter().flatten().filter(|scores| has_value(scores)).count();
         let rings = shoulders.iter().map(|shoulder| &shoulder.ring).zip(&scores);
@@ -74,49 +74,60 @@ impl FittedReference {
         Some(Self { setup, index, statistic, limits, levels, casing_count, strongest, scatter, own_scores, white })
     }
 
-    /// Whether the places of a shoulder on `ring` differ from one another more than those of sound ones do.
-    ///
-    /// Less tells so of one that would not pass: it is compared with its own casing then, which makes nothing of it a PASS.
-    pub(crate) fn is_scatter_off(&self, re_inspect_rate: f64, ring: &Ring, scores: &Scores) -> bool {
-        let Some((usual, scatter)) = self.scatter.zip(scores.mean_scatter()) else { return false };
-        let is_called = || {
-            let limit = self.limits.at(re_inspect_rate).next_down();
-            self.statistic.strongest_above(limit, ring, &self.statistic.maps(&scores.by_offset)).is_some()
-        };
-        scatter > usual.far_off() || scatter > usual.off() && is_called()
-    }
-
     /// The least rate of false calls that it supports without assuming a distribution; `None` of fewer than two casings.
     pub(crate) fn supported_rate(&self) -> Option<f64> {
         supported_rate(self.casing_count)
     }
+
+    /// Whether the places of a shoulder on `ring` differ from one another more than those of sound ones do.
+    ///
+    /// Less tells so of one that would not pass: it is compared with its own casing then, and does not pass by that either.
+    pub(crate) fn is_scatter_off(&self, re_inspect_rate: f64, ring: &Ring, scores: &Scores) -> bool {
+        let Some(limits) = &self.scatter else { return false };
+        let is_called = || {
+            let limit = self.limits.at(re_inspect_rate).next_down();
+            self.statistic.strongest_above(limit, ring, &self.statistic.maps(&scores.by_offset)).is_some()
+        };
+        scores.mean_scatter() > limits.far || limits.is_doubtful(scores) && is_called()
+    }
 }
 
-/// How far the places of a reference's shoulders differ from one another: mean and standard deviation of [`Scores::mean_scatter`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct UsualScatter {
+/// From where on a shoulder scatters more than those of a reference.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct ScatterLimits {
+    /// Of [`Scores::scatter`]: one sound shoulder in 40 has more of a discriminator.
+    of_discriminators: Vec<f64>,
+    /// Of [`Scores::mean_scatter`], likewise.
     mean: f64,
-    sd: f64,
+    /// Of the same: none has more.
+    far: f64,
 }
 
-impl UsualScatter {
-    /// Of the `scatter` of shoulders with `place_count` places each.
-    fn of(scatter: &[f64], place_count: usize) -> Option<Self> {
-        let (mean, sd) = mean_and_sd(scatter).or_else(|| Some((*scatter.first()?, 0.0)))?;
+impl ScatterLimits {
+    /// By those of a reference's shoulders, with `place_count` places each; `None` of an index that does not look.
+    fn by(shoulders: &[&Scores], place_count: usize) -> Option<Self> {
         // By a few shoulders it may come out too small: so many places tell one turn's scatter no better.
         let sd_min = 0.8 / (place_count as f64).sqrt();
-        Some(Self { mean, sd: if sd > sd_min { sd } else { sd_min } })
+        let mean_and_sd = |of: &dyn Fn(&Scores) -> f64| {
+            let values: Vec<f64> = shoulders.iter().map(|scores| of(scores)).filter(|x| x.is_finite()).collect();
+            let (mean, sd) = mean_and_sd(&values).or_else(|| Some((*values.first()?, 0.0)))?;
+            Some((mean, if sd > sd_min { sd } else { sd_min }))
+        };
+        let (mean, sd) = mean_and_sd(&Scores::mean_scatter)?;
+        let (half_more, rare) = (1.5 * mean, mean + 4.0 * sd);
+        let of_discriminator = |d: usize| {
+            mean_and_sd(&|scores: &Scores| scores.scatter[d]).map_or(f64::INFINITY, |(mean, sd)| mean + 2.0 * sd)
+        };
+        Some(Self {
+            of_discriminators: (0..shoulders.first()?.scatter.len()).map(of_discriminator).collect(),
+            mean: mean + 2.0 * sd,
+            far: if half_more > rare { half_more } else { rare },
+        })
     }
 
-    /// A shoulder that would not pass scatters too much from here on; 1 in 40 that are like the reference's does.
-    fn off(self) -> f64 {
-        self.mean + 2.0 * self.sd
-    }
-
-    /// Any shoulder does from here on.
-    fn far_off(self) -> f64 {
-        let (half_more, rare) = (1.5 * self.mean, self.mean + 4.0 * self.sd);
-        if half_more > rare { half_more } else { rare }
+    fn is_doubtful(&self, scores: &Scores) -> bool {
+        scores.mean_scatter() > self.mean
+            || scores.scatter.iter().zip(&self.of_discriminators).any(|(x, limit)| x > limit)
     }
 }
 
@@ -160,8 +171,7 @@ struct LeftOut {
     casing: usize,
     /// How far its strongest arc stands out.
     strongest: f64,
-    /// [`Scores::mean_scatter`].
-    scatter: Option<f64>,
+    scores: Scores,
 }
 
 /// What all casings but itself say of the shoulders of `casing`.
@@ -172,7 +182,7 @@ fn left_out(setup: &Setup, offsets: &[usize], shoulders: &[Shoulder], casing: &[
     let of = |(shoulder, mut scores): (&Shoulder, Scores)| {
         scores.hide(&shoulder.sound());
         let strongest = statistic.strongest(&shoulder.ring, &statistic.maps(&scores.by_offset))?.value;
-        Some(LeftOut { casing: shoulder.casing, strongest, scatter: scores.mean_scatter() })
+        Some(LeftOut { casing: shoulder.casing, strongest, scores })
     };
     casing.iter().zip(index.scores(&own)).filter_map(of).collect()
 }

@@ -73,7 +73,7 @@ pub(crate) struct Shoulder {
     pub strongest_arc: Option<f64>,
     /// The same by the first reading alone, if anything was tapped again.
     pub first_strongest_arc: Option<f64>,
-    /// [`Judgement::known_scatter`].
+    /// [`tapline_wire::Judgement::known_scatter`].
     pub scatter: Vec<(Discriminator, f64)>,
     /// Ascending by location; without an index if nothing is judged.
     pub cells: Vec<Cell>,

@@ -77,9 +77,9 @@ flags! {
 flags! {
     /// Why a verdict is not PASS, or how it was reached.
     Reasons {
-        DAMAGE = 0, "damage": "The damage index of a region exceeds the reject limit.";
+        DAMAGE = 0, "damage": "The damage index of at least one region exceeds the reject limit.";
         SUSPECT = 1, "suspect":
-            "The damage index of a region exceeds the re-inspect limit, but not the reject limit.";
+            "The damage index of at least one region lies between the re-inspect limit and the reject limit.";
         NOT_ENDED = 2, "not_ended": "The scan did not end: what is shown is what there was by then.";
         TAPS_REFUSED = 3, "taps_refused": "Taps were refused: their records could not be used.";
         TAPS_MISSING = 4, "taps_missing": "Planned taps are missing without a reason.";
