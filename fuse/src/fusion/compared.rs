@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use tapline_wire::{Geometry, Plan, Purpose, Values};
 
+use crate::fusion::judge::View;
 use crate::fusion::{Cache, Fusion, entering};
 use crate::index::{Scores, Setup};
 use crate::reference::fitted::FittedReference;
@@ -144,12 +145,11 @@ impl Fusion {
             Found { fitted, scores, readings }
         };
         let by_reference = fitted.map(&found);
-        let is_off = |(number, shoulder): (usize, &Shoulder)| {
-            by_reference.as_ref().is_some_and(|Found { fitted, scores, .. }| {
-                fitted.is_scatter_off(self.config.re_inspect_rate, &shoulder.ring, &scores[number])
-            })
-        };
-        let is_scatter_off: Vec<bool> = shoulders.iter().enumerate().map(is_off).collect();
+        let scatters_more = (0..shoulders.len()).map(|number| {
+            let view = by_reference.as_ref().map(|by_reference| View::new(&shoulders[number], number, by_reference));
+            view.is_some_and(|view| view.scatters_more(self.config.re_inspect_rate))
+        });
+        let is_scatter_off: Vec<bool> = scatters_more.collect();
         let own = if is_scatter_off.contains(&true) { fitted_to_itself().map(&found) } else { None };
         Compared { scans, shoulders, conditions, found: by_reference, is_scatter_off, own }
     }

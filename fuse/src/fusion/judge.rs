@@ -43,11 +43,9 @@ pub(super) struct View<'a> {
     pub(super) shoulder: &'a Shoulder,
     /// What it is compared with.
     pub(super) fitted: &'a FittedReference,
-    /// The reference that was named: another one where the scatter of the shoulder is off.
-    reference: &'a FittedReference,
+    /// The reference that was named, and what its index says: others where the scatter of the shoulder is off.
+    named: (&'a FittedReference, &'a Scores),
     is_scatter_off: bool,
-    /// As in [`Scores`], beside the reference that was named.
-    scatter: &'a [f64],
     pub(super) scores: &'a Scores,
     pub(super) maps: Maps,
     /// Without second readings; `None` where there are none.
@@ -64,19 +62,9 @@ impl Compared {
         let number = self.scans.iter().position(|&s| s == scan)?;
         let named = self.found.as_ref()?;
         let is_scatter_off = self.is_scatter_off[number];
-        let Found { fitted, scores, readings } = self.own.as_ref().filter(|_| is_scatter_off).unwrap_or(named);
-        let maps = |scores: &Vec<Scores>| fitted.statistic.maps(&scores[number].by_offset);
-        Some(View {
-            shoulder: &self.shoulders[number],
-            fitted,
-            reference: &named.fitted,
-            is_scatter_off,
-            scatter: &named.scores[number].scatter,
-            scores: &scores[number],
-            maps: maps(scores),
-            first_maps: readings.as_ref().map(|readings| maps(&readings.first)),
-            second: readings.as_ref().map(|readings| &readings.second[number]),
-        })
+        let found = self.own.as_ref().filter(|_| is_scatter_off).unwrap_or(named);
+        let view = View::new(&self.shoulders[number], number, found);
+        Some(View { named: (&named.fitted, &named.scores[number]), is_scatter_off, ..view })
     }
 }
 
@@ -215,7 +203,39 @@ impl Fusion {
     }
 }
 
-impl View<'_> {
+impl<'a> View<'a> {
+    /// Of `shoulder`, which is that `number` of its casing, as `found` has it.
+    pub(super) fn new(shoulder: &'a Shoulder, number: usize, found: &'a Found) -> Self {
+        let Found { fitted, scores, readings } = found;
+        let maps = |scores: &Vec<Scores>| fitted.statistic.maps(&scores[number].by_offset);
+        Self {
+            shoulder,
+            fitted,
+            named: (fitted, &scores[number]),
+            is_scatter_off: false,
+            scores: &scores[number],
+            maps: maps(scores),
+            first_maps: readings.as_ref().map(|readings| maps(&readings.first)),
+            second: readings.as_ref().map(|readings| &readings.second[number]),
+        }
+    }
+
+    /// Whether the places of the shoulder differ from one another more than those of sound ones do.
+    ///
+    /// Less tells so of one that would not pass: by its own casing it does not pass either.
+    pub(super) fn scatters_more(&self, re_inspect_rate: f64) -> bool {
+        let Some(limits) = &self.fitted.scatter_limits else { return false };
+        let is_called = || !self.arcs(self.fitted.limits.at(re_inspect_rate)).is_empty();
+        limits.are_exceeded(self.scores) || limits.are_doubtful(self.scores) && is_called()
+    }
+
+    /// The arcs that reach `limit`, each with what its second reading alone shows, but those that it clears.
+    fn arcs(&self, limit: f64) -> Vec<(Arc, Option<f64>)> {
+        let arcs = arcs_above(&self.fitted.statistic, &self.shoulder.ring, &self.maps, limit).into_iter();
+        let with_second = arcs.map(|arc| (arc, self.second_value(arc)));
+        with_second.filter(|(_, second)| second.is_none_or(|value| value >= CLEARED_SD)).collect()
+    }
+
     /// Fills in what the arcs of the shoulder and its level say.
     fn judge(
         &self,
@@ -240,18 +260,15 @@ impl View<'_> {
             cell.damage_index = index[place];
             cell.p_value = if index[place].is_nan() { f64::NAN } else { limits.probability(index[place]) };
         }
-        let arcs = arcs_above(&self.fitted.statistic, ring, &self.maps, judgement.limit_re_inspect);
-        // What a second reading does not show is cleared.
-        let arcs: Vec<(Arc, Option<f64>)> = (arcs.into_iter())
-            .map(|arc| (arc, self.second_value(arc)))
-            .filter(|(_, second)| second.is_none_or(|value| value >= CLEARED_SD))
-            .collect();
+        let arcs = self.arcs(judgement.limit_re_inspect);
+        // By the scales of a reference that scatters less nothing is damage.
+        let tells_damage = !self.is_scatter_off || self.fitted.setup.is_own;
         let mut is_inside = vec![false; ring.len()];
         for (arc, second) in &arcs {
             // A location on a line stands alone between others that are far: it is looked at again before it condemns.
             let is_alone = geometry == Geometry::Line && arc.length < 2;
             let is_confirmed = second.is_none_or(|value| value >= CONFIRMED_SD);
-            let is_damage = arc.value >= judgement.limit_reject && is_confirmed && !is_alone;
+            let is_damage = arc.value >= judgement.limit_reject && is_confirmed && !is_alone && tells_damage;
             judgement.reasons.insert(if is_damage { Reasons::DAMAGE } else { Reasons::SUSPECT });
             ring.from(arc.start).take(arc.length).for_each(|place| is_inside[place] = true);
         }
@@ -271,21 +288,23 @@ impl View<'_> {
         if 2 * is_inside.iter().filter(|&&inside| inside).count() > ring.len() {
             judgement.reasons.insert(Reasons::NO_SOUND_MAJORITY);
         }
-        for (&(which, _), &scatter) in self.reference.setup.discriminators.iter().zip(self.scatter) {
-            judgement.scatter[which as usize] = scatter;
+        let (reference, scores) = self.named;
+        // A casing that is its own reference has the scatter of that.
+        for (&(which, _), &scatter) in reference.setup.discriminators.iter().zip(&scores.scatter) {
+            judgement.scatter[which as usize] = if reference.setup.is_own { f64::NAN } else { scatter };
         }
         if self.is_scatter_off {
             judgement.reasons.insert(Reasons::SCATTER_OFF);
         }
-        if self.fitted.setup.is_own {
+        if self.is_scatter_off && self.fitted.setup.is_own {
             judgement.reasons.insert(Reasons::SELF_REFERENCE);
         }
-        match self.reference.levels.as_ref().and_then(|levels| levels.probability(self.shoulder, other)) {
+        match reference.levels.as_ref().and_then(|levels| levels.probability(self.shoulder, other)) {
             Some(probability) if probability < config.reject_rate => judgement.reasons.insert(Reasons::LEVEL_OFF),
             Some(_) => {}
             // Of a casing that is its own reference another reason says it, and locations in a line have no level in common.
             // Nor has a shoulder of which nothing came.
-            None if self.reference.casing_count > 0
+            None if reference.casing_count > 0
                 && geometry == Geometry::Ring
                 && index.iter().any(|value| !value.is_nan()) =>
             {

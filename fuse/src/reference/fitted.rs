@@ -8,7 +8,6 @@ use crate::arcs::white::{self, White};
 use crate::evidence::has_value;
 use crate::index::{self, Index, Scores, Setup};
 use crate::shoulder::Shoulder;
-use crate::shoulder::ring::Ring;
 use crate::stats::mean_and_sd;
 use crate::verdict::supported::supported_rate;
 use crate::verdict::whole_shoulder::Levels;
@@ -31,7 +30,7 @@ pub(crate) struct FittedReference {
     /// Strongest arc of each of its shoulders, judged by the other casings, and the number of its casing.
     pub strongest: Vec<(usize, f64)>,
     /// How far the places of its shoulders differ; `None` where shoulders are their own reference, or the index does not look.
-    pub scatter: Option<ScatterLimits>,
+    pub scatter_limits: Option<ScatterLimits>,
     /// What the index says of its own shoulders, where they are what is judged; none of others.
     pub own_scores: Vec<Scores>,
     /// What noise alone makes of arcs.
@@ -52,7 +51,7 @@ impl FittedReference {
         };
         let strongest: Vec<(usize, f64)> = left_out.iter().map(|of| (of.casing, of.strongest)).collect();
         let place_count = shoulders.first()?.place_count();
-        let scatter = match casing_count {
+        let scatter_limits = match casing_count {
             0 => None,
             1 => ScatterLimits::by(&scores.iter().collect::<Vec<_>>(), place_count),
             _ => ScatterLimits::by(&left_out.iter().map(|of| &of.scores).collect::<Vec<_>>(), place_count),
@@ -71,33 +70,32 @@ impl FittedReference {
         let values: Vec<f64> = strongest.iter().map(|(_, value)| *value).collect();
         let limits = Limits::by(&values, casing_count, white);
         let levels = if setup.is_own { None } else { Levels::fit(&setup, &all) };
-        Some(Self { setup, index, statistic, limits, levels, casing_count, strongest, scatter, own_scores, white })
+        Some(Self {
+            setup,
+            index,
+            statistic,
+            limits,
+            levels,
+            casing_count,
+            strongest,
+            scatter_limits,
+            own_scores,
+            white,
+        })
     }
 
     /// The least rate of false calls that it supports without assuming a distribution; `None` of fewer than two casings.
     pub(crate) fn supported_rate(&self) -> Option<f64> {
         supported_rate(self.casing_count)
     }
-
-    /// Whether the places of a shoulder on `ring` differ from one another more than those of sound ones do.
-    ///
-    /// Less tells so of one that would not pass: it is compared with its own casing then, and does not pass by that either.
-    pub(crate) fn is_scatter_off(&self, re_inspect_rate: f64, ring: &Ring, scores: &Scores) -> bool {
-        let Some(limits) = &self.scatter else { return false };
-        let is_called = || {
-            let limit = self.limits.at(re_inspect_rate).next_down();
-            self.statistic.strongest_above(limit, ring, &self.statistic.maps(&scores.by_offset)).is_some()
-        };
-        scores.mean_scatter() > limits.far || limits.is_doubtful(scores) && is_called()
-    }
 }
 
 /// From where on a shoulder scatters more than those of a reference.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct ScatterLimits {
-    /// Of [`Scores::scatter`]: one sound shoulder in 40 has more of a discriminator.
+    /// Of [`Scores::scatter`]: of each discriminator one sound shoulder in 160 has more.
     of_discriminators: Vec<f64>,
-    /// Of [`Scores::mean_scatter`], likewise.
+    /// Of [`Scores::mean_scatter`]: one in 40 has.
     mean: f64,
     /// Of the same: none has more.
     far: f64,
@@ -116,7 +114,7 @@ impl ScatterLimits {
         let (mean, sd) = mean_and_sd(&Scores::mean_scatter)?;
         let (half_more, rare) = (1.5 * mean, mean + 4.0 * sd);
         let of_discriminator = |d: usize| {
-            mean_and_sd(&|scores: &Scores| scores.scatter[d]).map_or(f64::INFINITY, |(mean, sd)| mean + 2.0 * sd)
+            mean_and_sd(&|scores: &Scores| scores.scatter[d]).map_or(f64::INFINITY, |(mean, sd)| mean + 2.5 * sd)
         };
         Some(Self {
             of_discriminators: (0..shoulders.first()?.scatter.len()).map(of_discriminator).collect(),
@@ -125,7 +123,13 @@ impl ScatterLimits {
         })
     }
 
-    fn is_doubtful(&self, scores: &Scores) -> bool {
+    /// Whether a shoulder with these `scores` scatters as no sound one does.
+    pub(crate) fn are_exceeded(&self, scores: &Scores) -> bool {
+        scores.mean_scatter() > self.far
+    }
+
+    /// Whether it scatters as few sound ones do.
+    pub(crate) fn are_doubtful(&self, scores: &Scores) -> bool {
         scores.mean_scatter() > self.mean
             || scores.scatter.iter().zip(&self.of_discriminators).any(|(x, limit)| x > limit)
     }

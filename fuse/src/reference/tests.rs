@@ -400,3 +400,28 @@ fn a_casing_that_is_noisier_than_the_reference_is_compared_with_itself() {
         assert!(told <= most, "{tap_sd}: {told} of 40");
     }
 }
+
+#[test]
+fn damage_of_most_places_is_no_noise() {
+    // Catches a scatter that damage raises: by its own casing half of both shoulders is no damage. And a reference whose cracks are known
+    // and that does not tell noise any more.
+    let set = build_reference(&built(file()), sound(8)).unwrap();
+    let casing = Casing { shoulder_count: 2, repetition_count: 1, shift: 6.0, ..Casing::default() };
+    for count in [30, 50, 75] {
+        let cracked = Casing { cracks: vec![(1, 0..count), (2, 0..count)], ..casing.clone() };
+        let told = (0..10).filter(|&seed| {
+            let (verdict, reasons, _) = judged(&set, &file(), &cracked, seed);
+            assert!(verdict == Verdict::Reject, "{count} {seed}: {reasons}");
+            reasons.contains(Reasons::SCATTER_OFF)
+        });
+        // As on sound ones: a few in a hundred of each discriminator.
+        let told = told.count();
+        assert!(told <= 2, "{count}: {told} of 10");
+    }
+    let labelled = (0..4).flat_map(|n| cracked(60, true, &format!("C{n}"))).collect();
+    let set = build_reference(&built(file()), labelled).unwrap();
+    for seed in 0..5 {
+        let (verdict, reasons, _) = judged(&set, &file(), &Casing { tap_sd: 3.0, ..casing.clone() }, seed);
+        assert!(verdict == Verdict::ReInspect && reasons.contains(Reasons::SCATTER_OFF), "{seed}: {verdict} {reasons}");
+    }
+}

@@ -62,16 +62,16 @@ struct Scale {
 
 impl Index for Fused {
     fn scores(&self, casing: &[&Shoulder]) -> Vec<Scores> {
-        let taps = self.taps(casing, &self.levels(casing));
+        let levels = self.levels(casing);
+        let taps = self.taps(casing, &levels);
         let (uncut, means) = (self.means(casing, &taps), self.means(casing, &self.borne_out(casing, &taps)));
         let inliers = self.inliers(casing, &means);
-        let first_levels = self.first_levels(casing);
         let of = |(number, is_inlier): (usize, Vec<bool>)| Scores {
             by_offset: self.by_offset(&means[number]),
             uncut: self.by_offset(&uncut[number]),
             by_discriminator: self.by_discriminator(casing[number], &taps[number]),
             is_inlier,
-            scatter: self.scatter(casing[number], &first_levels[number]),
+            scatter: self.scatter(casing[number], &levels[number]),
         };
         inliers.into_iter().enumerate().map(of).collect()
     }
@@ -159,8 +159,8 @@ impl Fused {
         near
     }
 
-    /// How far the taps of `shoulder` scatter about `levels` of its own, as a multiple of the reference's scale; by values below them,
-    /// which no damage raises.
+    /// How far the taps of `shoulder` scatter about its `levels`, as a multiple of the reference's scale; by values below them, for damage
+    /// lies above.
     fn scatter(&self, shoulder: &Shoulder, levels: &Levels) -> Vec<f64> {
         let of = |d: usize| {
             let mut values = Vec::new();
