@@ -206,22 +206,13 @@ fn verdict_columns<'a>(name: Option<&str>) -> Vec<Column<VerdictRow<'a>>> {
         Column::f64("reject_rate", "1", |row: &VerdictRow<'_>| row.value(|judgement| judgement.reject_rate)),
         Column::f64("p_value", "1", |row: &VerdictRow<'_>| row.value(|judgement| judgement.p_value)),
     ]);
-    for which in Discriminator::ALL {
-        let name = format!("evidence_{}", which.name());
-        columns.push(Column::f64(name, "1", move |row: &VerdictRow<'_>| {
-            row.value(|judgement| judgement.evidence[which as usize])
-        }));
-    }
-    for which in Discriminator::ALL {
-        let name = format!("scatter_{}", which.name());
-        columns.push(Column::f64(name, "1", move |row: &VerdictRow<'_>| {
-            row.value(|judgement| judgement.scatter[which as usize])
-        }));
-    }
-    for which in Discriminator::ALL {
-        let name = format!("drift_{}", which.name());
-        columns.push(Column::f64(name, "1", move |row: &VerdictRow<'_>| {
-            row.value(|judgement| judgement.drift[which as usize])
+    type OfAll = fn(&Judgement) -> &[f64; Discriminator::COUNT];
+    let of_all: [(&str, OfAll); 4] =
+        [("evidence", |j| &j.evidence), ("scatter", |j| &j.scatter), ("level", |j| &j.level), ("drift", |j| &j.drift)];
+    for (name, values) in of_all {
+        columns.extend(Discriminator::ALL.map(|which| {
+            let value = move |row: &VerdictRow<'_>| row.value(|judgement| values(judgement)[which as usize]);
+            Column::f64(format!("{name}_{}", which.name()), "1", value)
         }));
     }
     columns

@@ -18,21 +18,6 @@ pub fn counted(count: usize, one: &str, more: &str) -> String {
     format!("{count} {}", if count == 1 { one } else { more })
 }
 
-/// Flags with the shares of taps that have them: "hum on 80 % of the taps, ...".
-pub fn shares_of_taps<'a>(flags: impl IntoIterator<Item = (&'a str, f64)>) -> String {
-    let flags = flags.into_iter().map(|(flag, share)| format!("{flag} on {:.0} % of the taps", 100.0 * share));
-    flags.collect::<Vec<_>>().join(", ")
-}
-
-/// The discriminators that scatter most beside the reference, three at most: "pr 3.2, a_1 2.9 times the reference's".
-pub fn times_the_reference<'a>(scatter: impl IntoIterator<Item = (&'a str, f64)>) -> String {
-    let mut scatter: Vec<_> = scatter.into_iter().collect();
-    scatter.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let large = scatter.iter().filter(|(_, times)| *times >= 1.5).count().clamp(1, 3);
-    let large = scatter.iter().take(large).map(|(which, times)| format!("{which} {times:.1}"));
-    format!("{} times the reference's", large.collect::<Vec<_>>().join(", "))
-}
-
 /// Tells people `text`, unless they asked for errors alone; into a log for programs it goes as an event.
 pub fn say(text: &str) {
     match log::format() {

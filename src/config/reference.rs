@@ -31,6 +31,24 @@ impl ReferenceFile {
     }
 }
 
+/// The references that archives keep. Archives of one line have the same one, which is read and fitted once.
+#[derive(Debug, Default)]
+pub(crate) struct KeptReferences {
+    last: Option<ReferenceFile>,
+}
+
+impl KeptReferences {
+    /// That of the archive behind `reader`; `None` where it keeps none.
+    pub(crate) fn of(&mut self, reader: &Reader) -> Result<Option<Arc<ReferenceSet>>> {
+        let Some(text) = reader.reference() else { return Ok(None) };
+        let last = match self.last.take().filter(|last| last.text == text) {
+            Some(last) => last,
+            None => ReferenceFile::of(text.to_owned())?,
+        };
+        Ok(Some(Arc::clone(&self.last.insert(last).set)))
+    }
+}
+
 /// The fusion of what an archive has, as its `fuse` and its reference have it; `None` where this program cannot do so.
 pub(crate) fn fusion_of(reader: &Reader, fuse: &FuseConfig, set: Option<Arc<ReferenceSet>>) -> Result<Option<Fusion>> {
     let Ok(mut fusion) = Fusion::by(fuse, reader.plan(), set) else { return Ok(None) };

@@ -120,6 +120,9 @@ fn text(status: &Status) -> String {
     break_last_column(&mut table);
     let written = write!(text, "\n{table}");
     debug_assert!(written.is_ok(), "texts take all that is written to them");
+    for (station, sign) in status.stations.iter().flat_map(|of| of.signs.iter().map(move |sign| (of.number, sign))) {
+        text.push_str(&format!("\nCHECK station {station}: {sign}"));
+    }
     let restarts: Vec<String> = status
         .stages
         .iter()

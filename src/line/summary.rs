@@ -2,11 +2,10 @@
 
 use std::collections::BTreeMap;
 use std::io::{self, Write as _};
-use std::sync::Arc;
 
 use anyhow::Result;
 use serde::Serialize;
-use tapline_fuse::{Fusion, Reference, ReferenceSet, Score, ScorePool};
+use tapline_fuse::{Fusion, Reference, Score, ScorePool};
 use tapline_host::colour::Colour;
 use tapline_host::messages::counted;
 use tapline_host::table::{break_last_column, table};
@@ -14,9 +13,11 @@ use tapline_store::Reader;
 use tapline_wire::{Discriminator, Ledger, Quality, Reasons, TapState, Verdict};
 
 use crate::config::job::Job;
+use crate::config::reference::KeptReferences;
 use crate::line::setup::Setup;
 use crate::line::stage::{Used, Work};
 use crate::line::supervisor::Pace;
+use crate::shown::rig::{ASKS, Rigs, Spell};
 use crate::shown::verdict::ShoulderVerdict;
 use tapline_host::stdout::Stdout;
 
@@ -40,6 +41,8 @@ struct Summary {
     reference_is_self: bool,
     /// What the reference cannot support of the rates that are asked for; each text once.
     remarks: Vec<String>,
+    /// Signs that the rigs of stations had changed.
+    rig: Vec<Spell>,
     /// How many archived taps have each flag.
     flags: Vec<(&'static str, usize)>,
     pace: PaceLine,
@@ -92,6 +95,10 @@ impl ProcessLine {
 #[derive(Default)]
 struct Sum {
     verdicts: Vec<ShoulderVerdict>,
+    references: KeptReferences,
+    rigs: Rigs,
+    /// Signs of rigs that are over.
+    over: Vec<Spell>,
     unfinished: usize,
     counts: [usize; 3],
     is_judged: bool,
@@ -109,7 +116,7 @@ pub(crate) fn summarise(job: &Job, setup: &Setup, names: &[String], pace: Pace, 
     let places = setup.places();
     for name in names {
         match places.finished(name) {
-            Some(path) => add(&mut sum, job, &Reader::open(path)?)?,
+            Some(path) => add(&mut sum, job, name, &Reader::open(path)?)?,
             None => {
                 sum.unfinished += 1;
                 add_counts(&mut sum, setup, name);
@@ -130,6 +137,7 @@ pub(crate) fn summarise(job: &Job, setup: &Setup, names: &[String], pace: Pace, 
         archived,
         refused,
         missing,
+        rig: sum.over.into_iter().chain(sum.rigs.all()).collect(),
         verdicts: sum.verdicts,
         auc: sum.has_truth.then(|| Auc::new(&sum.scores.score(), sum.scored)).filter(Auc::has_locations),
         flags: Quality::ALL.iter().filter_map(|&(_, name)| Some((name, *sum.flags.get(name)?))).collect(),
@@ -163,7 +171,7 @@ impl Sum {
 }
 
 /// Adds the casing of one file.
-fn add(sum: &mut Sum, job: &Job, reader: &Reader) -> Result<()> {
+fn add(sum: &mut Sum, job: &Job, name: &str, reader: &Reader) -> Result<()> {
     let ledger = reader.ledger();
     sum.count(ledger);
     sum.is_judged &= ledger.is_judged();
@@ -178,13 +186,16 @@ fn add(sum: &mut Sum, job: &Job, reader: &Reader) -> Result<()> {
     let records: Vec<_> = found.into_iter().flatten().collect();
     if !reader.truth().is_empty() && sum.scored < SCORED_MAX {
         (sum.has_truth, sum.scored) = (true, sum.scored + 1);
-        let set = reader.reference().map(ReferenceSet::parse).transpose()?.map(Arc::new);
+        let set = sum.references.of(reader)?;
         sum.scores.add(Fusion::by(&job.config.fuse, reader.plan(), set)?, &records)?;
     }
     let shoulders = reader.plan().scans().iter().zip(judgements);
-    for (scan, judged) in shoulders {
-        sum.verdicts.push(ShoulderVerdict::new(reader, scan, judged)?);
-    }
+    let shoulders: Vec<ShoulderVerdict> =
+        shoulders.map(|(scan, judged)| ShoulderVerdict::new(reader, scan, judged)).collect::<Result<_>>()?;
+    let station = shoulders.first().map_or(0, |shoulder| shoulder.station);
+    let of_each = shoulders.iter().map(|shoulder| (Reasons::named(&shoulder.reasons), &shoulder.whole));
+    sum.over.extend(sum.rigs.add(station, name, of_each).into_iter().filter(|spell| spell.is_over));
+    sum.verdicts.extend(shoulders);
     Ok(())
 }
 
@@ -257,7 +268,11 @@ fn stations(numbers: &[u16]) -> String {
 
 fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
     if !summary.verdicts.is_empty() {
-        print_verdicts(out, &summary.verdicts)?;
+        print_verdicts(out, &summary.verdicts, &summary.rig)?;
+    }
+    if !summary.rig.is_empty() {
+        writeln!(out, "Casings have in common what speaks of the rig: {ASKS} (docs/rig.md):")?;
+        summary.rig.iter().try_for_each(|spell| writeln!(out, "  {spell}"))?;
     }
     if let Some(auc) = &summary.auc {
         let text = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.4}"));
@@ -299,47 +314,37 @@ fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
     Ok(())
 }
 
-/// The verdicts as a table; remarks that hold for all are named once, below it.
-fn print_verdicts(out: &mut impl io::Write, verdicts: &[ShoulderVerdict]) -> Result<()> {
+/// The verdicts as a table; remarks that hold for all are named once, below it, and signs of a rig have their numbers there.
+fn print_verdicts(out: &mut impl io::Write, verdicts: &[ShoulderVerdict], rig: &[Spell]) -> Result<()> {
     let holds_for_all = |name: &str| verdicts.iter().all(|verdict| verdict.reasons.split('|').any(|r| r == name));
     // Flags have shares, which differ. Of one shoulder all is simpler in its row.
     let remarks = Reasons::REMARKS.difference(Reasons::FLAGGED);
     let remarks = Reasons::ALL.iter().filter(|(reason, _)| verdicts.len() > 1 && remarks.contains(*reason));
     let common: Vec<&str> = remarks.map(|&(_, name)| name).filter(|name| holds_for_all(name)).collect();
     let mut table = table(["shoulder", "verdict", "arcs", "strongest / limit", "at", "why"]);
-    let cell = |value: Option<f64>| value.map_or_else(String::new, |v| format!("{v:.2}"));
+    let below = |station| -> Vec<&str> {
+        rig.iter().filter(|spell| spell.station == station).map(|spell| spell.sign.name.as_str()).collect()
+    };
+    let of = |arc: f64, limit: Option<f64>| limit.map_or(format!("{arc:.2}"), |limit| format!("{arc:.2} / {limit:.2}"));
     for line in verdicts {
         table.add_row([
             format!("{}/{}", line.tyre, line.shoulder),
             line.verdict.to_string(),
             line.regions.to_string(),
             // The limit of PASS, or of REJECT where that is the verdict.
-            format!(
-                "{} / {}",
-                cell(line.strongest_arc),
-                cell(match line.verdict {
-                    Verdict::Reject => line.limit_reject,
-                    _ => line.limit_re_inspect,
-                })
-            ),
+            line.strongest_arc.map_or_else(String::new, |arc| match line.verdict {
+                Verdict::Reject => of(arc, line.limit_reject),
+                _ => of(arc, line.limit_re_inspect),
+            }),
             line.peak_location.map_or_else(String::new, |l| l.to_string()),
             // Parted by spaces, at which lines are broken.
-            line.why(", ", &common),
+            line.without_details(&below(line.station)).why(", ", &common),
         ]);
     }
     break_last_column(&mut table);
     writeln!(out, "{table}")?;
     if !common.is_empty() {
         writeln!(out, "All shoulders: {}", common.join(", "))?;
-    }
-    let is_off = |verdict: &&ShoulderVerdict| verdict.reasons.split('|').any(|reason| reason == "scatter_off");
-    let off = verdicts.iter().filter(is_off).count();
-    if off > 1 && 2 * off >= verdicts.len() {
-        writeln!(
-            out,
-            "{off} of {} shoulders scatter more than the reference: check the rig before you trust the others (docs/verdicts.md, scatter_off)",
-            verdicts.len()
-        )?;
     }
     Ok(())
 }

@@ -15,6 +15,7 @@ use tapline_store::Reader;
 
 use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
 use crate::config::Config;
+use crate::config::reference::KeptReferences;
 use crate::report::evidence::{Evidence, Tyre};
 use crate::report::pages::shift::Shift;
 use tapline_host::stdout::Stdout;
@@ -46,11 +47,11 @@ pub(crate) fn report(
     check_folder(&folder, written.existing)?;
     let mut outcome = Outcome::new(&archives);
     let mut progress = ArchiveProgress::new(&archives);
-    let (mut shift, mut names) = (Shift::default(), Names::default());
+    let (mut shift, mut names, mut references) = (Shift::default(), Names::default(), KeptReferences::default());
     for file in &archives.files {
         progress.begin(file);
         let Some(reader) = outcome.take(file, Reader::open(&file.path))? else { continue };
-        let Some(mut evidence) = outcome.take(file, Evidence::read(&reader))? else { continue };
+        let Some(mut evidence) = outcome.take(file, Evidence::read(&reader, &mut references))? else { continue };
         if let Some(printed) = &printed {
             evidence.config.report.clone_from(printed);
         }

@@ -1,7 +1,7 @@
-//! What a line has done and has room for, as numbers for Prometheus. Their labels are stations, stages and verdicts: a line of
+//! What a line has done and has room for, as numbers for Prometheus. Their labels are stations, stages, verdicts and discriminators: a line of
 //! given stations has the same series for ever.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::fmt;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -23,6 +23,7 @@ use tapline_wire::{Verdict, now_ns, shm};
 use crate::serve::beside;
 use crate::shown::latency::{BOUNDS_S, Latency};
 use crate::shown::status::{StationStatus, Status};
+use crate::shown::whole::Whole;
 
 /// The format of the text.
 pub(super) const CONTENT: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
@@ -141,6 +142,21 @@ fn of_stations(registry: &mut Registry, status: &Status) {
     measured(registry, ("station_waits", None), "1 while a station waits, for a casing or for its rig", waits);
     let busy = status.stations.iter().map(|of| (vec![station(of)], f64::from(u8::from(of.casing.is_some()))));
     measured(registry, ("station_busy", None), "1 while a station has a casing", busy);
+    let whole = |times: fn(&Whole) -> &BTreeMap<String, f64>| {
+        let each = status.stations.iter().flat_map(move |of| times(&of.whole).iter().map(move |known| (of, known)));
+        each.map(|(of, (which, times))| (vec![station(of), ("discriminator", which.clone())], *times))
+    };
+    let help = "Level of the last casing, as a multiple of the reference's";
+    measured(registry, ("level", Some(Unit::Ratios)), help, whole(|whole| &whole.level));
+    let help = "How far the places of the last casing differ, as a multiple of how far those of the reference do";
+    measured(registry, ("scatter", Some(Unit::Ratios)), help, whole(|whole| &whole.scatter));
+    let signs = status.stations.iter().map(|of| (vec![station(of)], of.signs.len() as f64));
+    measured(
+        registry,
+        ("rig_signs", None),
+        "Signs that the rig of a station has changed; tapline status names them",
+        signs,
+    );
     let ages = status.stations.iter().filter_map(|of| Some((vec![station(of)], age_s(of.calibrated_on.as_deref()?)?)));
     let name = ("calibration_age", Some(Unit::Seconds));
     measured(registry, name, "Age of the oldest calibration that the last casing was judged by", ages);

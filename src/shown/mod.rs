@@ -2,5 +2,7 @@
 
 pub(crate) mod casing;
 pub(crate) mod latency;
+pub(crate) mod rig;
 pub(crate) mod status;
 pub(crate) mod verdict;
+pub(crate) mod whole;

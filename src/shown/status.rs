@@ -7,7 +7,9 @@ use tapline_wire::{STATUS_BYTES_MAX, Verdict};
 
 use crate::shown::casing::CasingStatus;
 use crate::shown::latency::Latency;
+use crate::shown::rig::Sign;
 use crate::shown::verdict::CasingVerdict;
+use crate::shown::whole::Whole;
 
 /// The state of a line.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -57,6 +59,10 @@ pub(crate) struct StationStatus {
     /// What it waits for; empty while it taps.
     pub waits_for: String,
     pub tally: Tally,
+    /// What holds for its last casing as a whole: the median of its shoulders.
+    pub whole: Whole,
+    /// Signs that its rig has changed.
+    pub signs: Vec<Sign>,
     /// Day of the oldest calibration that its last casing was judged by, as `2026-11-24`.
     pub calibrated_on: Option<String>,
     /// Whether a calibration did not hold on the day on which that was tapped.
@@ -106,7 +112,7 @@ pub(crate) struct StageStatus {
 }
 
 impl Status {
-    /// The status as text for shared memory. Where it is too long, the places of taps are left out, and then old verdicts.
+    /// The status as text for shared memory. Where it is too long, it is cut as [`CUTS`] says.
     pub(crate) fn encode(&self) -> String {
         let mut status = self.clone();
         loop {
@@ -114,14 +120,35 @@ impl Status {
             if text.len() <= STATUS_BYTES_MAX {
                 return text;
             }
-            let casings = status.stations.iter_mut().flat_map(|station| [&mut station.casing, &mut station.last]);
-            let shoulders = casings.flatten().map(|casing| std::mem::take(&mut casing.shoulders));
-            let had_places = shoulders.fold(false, |had, shoulders| had | !shoulders.is_empty());
-            if !had_places && status.verdicts.pop().is_none() && status.alarms.pop().is_none() {
+            if !CUTS.iter().any(|cut| cut(&mut status)) {
                 return String::new();
             }
         }
     }
+}
+
+/// What is left out of a status that is too long, the first that is there before the others; each says whether it was there.
+const CUTS: [fn(&mut Status) -> bool; 4] = [
+    // The places of taps.
+    |status| {
+        let casings = status.stations.iter_mut().flat_map(|station| [&mut station.casing, &mut station.last]);
+        let shoulders = casings.flatten().map(|casing| std::mem::take(&mut casing.shoulders));
+        shoulders.fold(false, |was_there, shoulders| was_there | !shoulders.is_empty())
+    },
+    // Levels and scatter.
+    |status| {
+        let wholes = status.stations.iter_mut().map(|station| std::mem::take(&mut station.whole));
+        wholes.fold(false, |was_there, whole| was_there | (whole != Whole::default()))
+    },
+    |status| halve(&mut status.verdicts),
+    |status| halve(&mut status.alarms),
+];
+
+/// Leaves the newer half.
+fn halve<T>(newest_first: &mut Vec<T>) -> bool {
+    let before = newest_first.len();
+    newest_first.truncate(before / 2);
+    before > 0
 }
 
 #[cfg(test)]
@@ -151,5 +178,31 @@ mod tests {
         assert_eq!(read(&status(100)), status(100));
         let short = read(&status(60_000));
         assert_eq!((short.alarms.len(), short.stations[0].casing.as_ref().unwrap().shoulders.len()), (1, 0));
+    }
+
+    /// Catches a line of many stations that shows nothing at all when all of their rigs have changed.
+    #[test]
+    fn three_hundred_stations_fit() {
+        let times =
+            || ["f_max", "tau", "a_1", "a_2", "pr", "p_f", "e_f", "centroid"].map(|w| (w.to_owned(), 1.2345)).into();
+        let sign = Sign {
+            name: "features_absent".to_owned(),
+            count: 1000,
+            first: "S300-10000".to_owned(),
+            last: "S300-20000".to_owned(),
+            detail: Some("f_max 0.81, tau 1.10, pr 1.02 times the reference's".to_owned()),
+        };
+        let casing = CasingStatus { name: "S300-20000".to_owned(), planned: 1000, ..CasingStatus::default() };
+        let station = StationStatus {
+            number: 300,
+            waits_for: "the archive, which cannot be written: its disk is full".to_owned(),
+            casing: Some(casing.clone()),
+            last: Some(casing),
+            whole: Whole { level: times(), scatter: times(), ..Whole::default() },
+            signs: vec![sign; 4],
+            ..StationStatus::default()
+        };
+        let status = Status { stations: vec![station; 300], ..Status::default() };
+        assert_eq!(serde_json::from_str::<Status>(&status.encode()).unwrap(), status);
     }
 }

@@ -1,18 +1,15 @@
 //! The verdict on a casing when its file is closed: that on each shoulder, for people and for programs.
 
-use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::PathBuf;
 
 use anyhow::Result;
 use serde::{Deserialize, Serialize};
 use tapline_host::colour::Colour;
-use tapline_host::messages::{shares_of_taps, times_the_reference};
 use tapline_store::{Reader, Region, casing_id, regions};
-use tapline_wire::{
-    Calibration, Channel, DamageCell, Judgement, Quality, Reasons, Scan, TapState, Verdict, monotonic_ns,
-};
+use tapline_wire::{Calibration, Channel, DamageCell, Judgement, Reasons, Scan, TapState, Verdict, monotonic_ns};
 
+use crate::shown::whole::Whole;
 use tapline_host::stdout::Stdout;
 
 /// The result of one casing.
@@ -54,12 +51,8 @@ pub(crate) struct ShoulderVerdict {
     pub station: u16,
     pub verdict: Verdict,
     pub reasons: String,
-    /// The flags on more than half of its taps, with their shares.
-    #[serde(default)]
-    pub flags: BTreeMap<String, f64>,
-    /// How far each discriminator scatters from place to place, as a multiple of how far it does in the reference, where that is known.
-    #[serde(default)]
-    pub scatter: BTreeMap<String, f64>,
+    #[serde(flatten)]
+    pub whole: Whole,
     pub regions: usize,
     /// The regions: where damage lies.
     pub arcs: Vec<DamageArc>,
@@ -168,8 +161,7 @@ impl ShoulderVerdict {
             station: scan.station,
             verdict: Verdict::ReInspect,
             reasons: Reasons::NOT_ENDED.to_string(),
-            flags: BTreeMap::new(),
-            scatter: BTreeMap::new(),
+            whole: Whole::default(),
             regions: 0,
             arcs: Vec::new(),
             peak_damage_index: None,
@@ -188,13 +180,11 @@ impl ShoulderVerdict {
             let peak = cells.iter().filter(counts).rev().max_by(by_strength);
             line.verdict = Verdict::from_code(judgement.verdict).unwrap_or(Verdict::ReInspect);
             line.reasons = judgement.reasons.to_string();
-            if judgement.reasons.contains(Reasons::FLAGGED) {
-                let found = reader.discriminators()?;
-                let qualities = scan.taps.iter().filter_map(|&row| found[row as usize].map(|found| found.quality));
-                let flags = Quality::on_most(qualities);
-                line.flags = flags.into_iter().map(|(flag, share)| (flag.to_string(), share)).collect();
-            }
-            line.scatter = judgement.known_scatter().map(|(which, times)| (which.name().to_owned(), times)).collect();
+            let is_flagged = judgement.reasons.contains(Reasons::FLAGGED);
+            let found = if is_flagged { reader.discriminators()? } else { Vec::new() };
+            line.whole = Whole::new(&judgement, || {
+                scan.taps.iter().filter_map(|&row| found[row as usize].map(|found| found.quality))
+            });
             line.arcs = regions(reader.plan().geometry, &cells).into_iter().map(DamageArc::from).collect();
             line.regions = line.arcs.len();
             line.peak_damage_index = peak.map(|cell| cell.damage_index);
@@ -218,18 +208,25 @@ impl ShoulderVerdict {
         format!("{verdict} {}/{}", self.tyre, self.shoulder)
     }
 
-    /// Its reasons but some for people, with `between` them; flags that it speaks of have their names and shares, and scatter its size.
+    /// The same without what some reasons leave open, which is told elsewhere.
+    pub(crate) fn without_details(&self, reasons: &[&str]) -> Self {
+        let mut brief = self.clone();
+        if reasons.contains(&"scatter_off") {
+            brief.whole.scatter.clear();
+        }
+        if reasons.contains(&"level_off") {
+            brief.whole.level.clear();
+        }
+        brief
+    }
+
+    /// Its reasons but some for people, with `between` them, and what each leaves open.
     pub(crate) fn why(&self, between: &str, but: &[&str]) -> String {
-        let reasons = self.reasons.split('|').filter(|reason| !but.contains(reason)).map(|reason| match reason {
-            "flagged" if !self.flags.is_empty() => {
-                format!("flagged: {}", shares_of_taps(self.flags.iter().map(|(name, share)| (name.as_str(), *share))))
-            }
-            "scatter_off" if !self.scatter.is_empty() => {
-                let scatter = self.scatter.iter().map(|(name, times)| (name.as_str(), *times));
-                format!("scatter_off: {}", times_the_reference(scatter))
-            }
-            reason => reason.to_owned(),
-        });
+        let with_detail = |reason: &str| match self.whole.detail(reason) {
+            Some(detail) => format!("{reason}: {detail}"),
+            None => reason.to_owned(),
+        };
+        let reasons = self.reasons.split('|').filter(|reason| !but.contains(reason)).map(with_detail);
         let is_above = self.strongest_arc.zip(self.limit_re_inspect).is_some_and(|(arc, limit)| arc >= limit);
         let cleared = (self.verdict == Verdict::Pass && is_above).then(|| "cleared by the second reading".to_owned());
         cleared.into_iter().chain(reasons).filter(|reason| !reason.is_empty()).collect::<Vec<_>>().join(between)

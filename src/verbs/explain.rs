@@ -11,12 +11,13 @@ use tapline_fuse::ReferenceSet;
 use tapline_host::similar::did_you_mean;
 use tapline_host::table::{break_between_words, table};
 use tapline_store::{Reader, hex_of, lineage_changes};
-use tapline_wire::{Discriminator, Scan, TapState, Verdict};
+use tapline_wire::{Discriminator, Scan, TapState};
 
 use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
 use crate::config::Config;
 use crate::config::lineage::made_by;
 use crate::config::reference::fusion_of;
+use crate::shown::verdict::ShoulderVerdict;
 use tapline_host::stdout::Stdout;
 
 /// Prints where the results of the archives at `paths` come from; for one shoulder, and one location of it, also the numbers. Of
@@ -31,11 +32,13 @@ pub(crate) fn explain(
     let archives = Archives::find(paths, which)?;
     let mut outcome = Outcome::new(&archives);
     let mut explained_count = 0;
+    let mut others: Vec<String> = Vec::new();
     let mut progress = ArchiveProgress::new(&archives);
     for file in &archives.files {
         progress.begin(file);
         let Some(reader) = outcome.take(file, Reader::open(&file.path))? else { continue };
         if archives.is_many && shoulder.is_some_and(|name| number_of(&reader, name).is_none()) {
+            others.extend(reader.plan().scans().iter().map(name_of));
             continue;
         }
         let explained = Explanation::of(&reader, shoulder, location);
@@ -51,7 +54,12 @@ pub(crate) fn explain(
     drop(progress);
     let is_complete = outcome.end()?;
     match shoulder.filter(|_| explained_count == 0 && is_complete) {
-        Some(name) => bail!("none of the {} archives has a shoulder {name:?}", archives.files.len()),
+        Some(name) => {
+            let meant = did_you_mean(name, others.iter().map(String::as_str));
+            let example = others.first().map(|other| format!("shoulders are named like {other}"));
+            let hint = meant.or(example).map_or_else(String::new, |hint| format!(": {hint}"));
+            bail!("none of the {} archives has a shoulder {name:?}{hint}", archives.files.len())
+        }
         None => Ok(is_complete),
     }
 }
@@ -89,16 +97,8 @@ struct OtherOption {
 struct ShoulderExplanation {
     name: String,
     /// `None` until it is judged.
-    verdict: Option<VerdictExplanation>,
+    verdict: Option<ShoulderVerdict>,
     location: Option<LocationExplanation>,
-}
-
-#[derive(Debug, Serialize)]
-struct VerdictExplanation {
-    verdict: String,
-    reasons: String,
-    limit_re_inspect: f64,
-    limit_reject: f64,
 }
 
 #[derive(Debug, Serialize)]
@@ -167,12 +167,8 @@ impl ShoulderExplanation {
             format!("the archive has no shoulder {name:?}: {hint}")
         })?;
         let judged = &reader.judgements()?[number];
-        let verdict = judged.as_ref().map(|(judgement, _)| VerdictExplanation {
-            verdict: Verdict::from_code(judgement.verdict).map_or("unknown".to_owned(), |v| v.to_string()),
-            reasons: judgement.reasons.to_string(),
-            limit_re_inspect: judgement.limit_re_inspect,
-            limit_reject: judgement.limit_reject,
-        });
+        let scan = &reader.plan().scans()[number];
+        let verdict = judged.as_ref().map(|judged| ShoulderVerdict::new(reader, scan, Some(judged.clone())));
         let explain = |location: u32| {
             let cells = judged.as_ref().map_or(&[][..], |(_, cells)| &cells[..]);
             let cell = cells.iter().find(|cell| cell.location == location);
@@ -190,7 +186,7 @@ impl ShoulderExplanation {
                 taps,
             })
         };
-        Ok(Self { name: name.to_owned(), verdict, location: location.map(explain).transpose()? })
+        Ok(Self { name: name.to_owned(), verdict: verdict.transpose()?, location: location.map(explain).transpose()? })
     }
 }
 
@@ -269,10 +265,22 @@ impl fmt::Display for ShoulderExplanation {
         let Self { name, verdict, location } = self;
         match verdict {
             None => writeln!(f, "shoulder   {name}: not judged")?,
-            Some(VerdictExplanation { verdict, reasons, limit_re_inspect, limit_reject }) => writeln!(
-                f,
-                "shoulder   {name}: {verdict}, for {reasons}; limits {limit_re_inspect:.3} and {limit_reject:.3}"
-            )?,
+            Some(verdict) => {
+                let reasons = Some(verdict.why(", ", &[])).filter(|reasons| !reasons.is_empty());
+                let reasons = reasons.map_or_else(String::new, |reasons| format!(", for {reasons}"));
+                writeln!(f, "shoulder   {name}: {}{reasons}", verdict.verdict)?;
+                let number =
+                    |value: Option<f64>| value.map_or_else(|| "none".to_owned(), |value| format!("{value:.3}"));
+                let ShoulderVerdict { strongest_arc, limit_re_inspect, limit_reject, whole, .. } = verdict;
+                let limits = format!("limits {} and {}", number(*limit_re_inspect), number(*limit_reject));
+                writeln!(f, "arc        strongest {}, {limits}", number(*strongest_arc))?;
+                for (what, times) in [("level  ", &whole.level), ("scatter", &whole.scatter)] {
+                    let all: Vec<String> = times.iter().map(|(which, times)| format!("{which} {times:.2}")).collect();
+                    if !all.is_empty() {
+                        writeln!(f, "{what}    {} times the reference's", all.join(", "))?;
+                    }
+                }
+            }
         }
         let Some(LocationExplanation { location, damage_index, region, scores, taps }) = location else {
             return Ok(());

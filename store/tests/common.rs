@@ -140,6 +140,7 @@ pub(crate) fn judgement(plan: &Plan, scan: u32) -> (Judgement, Vec<DamageCell>) 
         p_value: 0.004,
         evidence: from_fn(|k| if k == 3 { f64::NAN } else { k as f64 + 1.0 }),
         scatter: from_fn(|k| if k == 0 { f64::NAN } else { 1.0 + 0.25 * k as f64 }),
+        level: from_fn(|k| if k == 5 { f64::NAN } else { 0.5 + 0.25 * k as f64 }),
         drift: from_fn(|k| if k == 2 { f64::NAN } else { 0.01 * (k as f64 + 1.0) }),
         planned_count: u32::try_from(planned.taps.len()).unwrap(),
         received_count: u32::try_from(planned.taps.len()).unwrap(),

@@ -5,6 +5,7 @@ mod capture;
 mod endurance;
 mod page;
 mod restarts;
+mod rig;
 mod second_readings;
 mod stations;
 mod status;

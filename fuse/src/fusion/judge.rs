@@ -293,6 +293,9 @@ impl<'a> View<'a> {
         for (&(which, _), &scatter) in reference.setup.discriminators.iter().zip(&scores.scatter) {
             judgement.scatter[which as usize] = if reference.setup.is_own { f64::NAN } else { scatter };
         }
+        if let Some(levels) = &reference.levels {
+            judgement.level = levels.times(self.shoulder);
+        }
         if self.is_scatter_off {
             judgement.reasons.insert(Reasons::SCATTER_OFF);
         }

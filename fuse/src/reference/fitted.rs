@@ -23,7 +23,7 @@ pub(crate) struct FittedReference {
     pub index: Box<dyn Index>,
     pub statistic: ArcStatistic,
     pub limits: Limits,
-    /// Of whole shoulders; `None` where too few casings tell.
+    /// Of whole shoulders; `None` where shoulders are their own reference.
     pub levels: Option<Levels>,
     /// How many casings the limits rest on; none where shoulders are their own reference.
     pub casing_count: usize,
@@ -69,7 +69,7 @@ impl FittedReference {
         let white = white::strongest_arcs(&statistic, ring, pattern, value_count)?;
         let values: Vec<f64> = strongest.iter().map(|(_, value)| *value).collect();
         let limits = Limits::by(&values, casing_count, white);
-        let levels = if setup.is_own { None } else { Levels::fit(&setup, &all) };
+        let levels = (!setup.is_own).then(|| Levels::fit(&setup, &all));
         Some(Self {
             setup,
             index,

@@ -44,7 +44,7 @@ fn by_levels(fitted: &FittedReference, shoulders: &[Shoulder]) -> Vec<usize> {
         let least = |casing: &&[&Shoulder]| {
             let number = casing[0].casing;
             let others: Vec<&Shoulder> = kept.iter().copied().filter(|other| other.casing != number).collect();
-            let levels = Levels::fit(&fitted.setup, &others)?;
+            let levels = Levels::fit(&fitted.setup, &others);
             let of = |place: usize| levels.probability(casing[place], casing.get(1 - place).copied());
             (0..casing.len().min(2)).filter_map(of).min_by(f64::total_cmp).map(|least| (number, least))
         };

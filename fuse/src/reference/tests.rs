@@ -379,6 +379,36 @@ fn few_casings_tell_no_level() {
 }
 
 #[test]
+fn the_level_is_told_as_a_multiple_of_the_reference() {
+    // Catches a level beside another discriminator or turn, one of the logarithm of PR / (1 - PR), and one beside the casing itself.
+    let set = Arc::new(build_reference(&built(file()), sound(8)).unwrap());
+    let casing = Casing { shoulder_count: 2, repetition_count: 1, ..Casing::default() };
+    let plan = casing.plan();
+    let level = |times: f64, config: &FuseConfig, set: Option<Arc<ReferenceSet>>| {
+        let mut all = records(&casing, &plan, 7);
+        for record in all.iter_mut().filter(|record| record.id.shoulder == 1) {
+            for which in [Discriminator::FMax, Discriminator::A1, Discriminator::Pr] {
+                record.values.set(which, record.values.get(which).map(|x| x * times));
+            }
+        }
+        let mut fusion = Fusion::by(config, &plan, set).unwrap();
+        all.iter().for_each(|record| fusion.push(record).unwrap());
+        [0, 1].map(|scan| fusion.judge(scan).unwrap().0.level)
+    };
+    let ([before, other], [after, same]) = (level(1.0, &file(), Some(set.clone())), level(1.25, &file(), Some(set)));
+    // Casings made up for tests have no centroid.
+    assert!(before[Discriminator::Centroid as usize].is_nan());
+    for which in Discriminator::ALL.into_iter().filter(|which| *which != Discriminator::Centroid) {
+        let is_changed = [Discriminator::FMax, Discriminator::A1, Discriminator::Pr].contains(&which);
+        let (before, after) = (before[which as usize], after[which as usize]);
+        assert!((before - 1.0).abs() < 0.03, "{which:?} {before}");
+        assert!((after / before - if is_changed { 1.25 } else { 1.0 }).abs() < 1e-3, "{which:?} {before} {after}");
+    }
+    assert_eq!(other, same);
+    assert!(level(1.25, &FuseConfig::by(Reference::Own), None)[0].iter().all(|times| times.is_nan()));
+}
+
+#[test]
 fn a_casing_that_is_noisier_than_the_reference_is_compared_with_itself() {
     // Catches noise that is taken for damage, a crack that is lost in it, and sound casings that are called noisy, or are so when they
     // are quieter.

@@ -69,6 +69,11 @@ fn log_of(which: Discriminator, values: &Values) -> f64 {
     if log.is_finite() { log } else { f64::NAN }
 }
 
+/// The value of `which` that has this logarithm: the reverse of [`Turn::log`].
+pub(crate) fn value_of(which: Discriminator, log: f64) -> f64 {
+    if which == Discriminator::Pr { 1.0 / (1.0 + (-log).exp()) } else { log.exp() }
+}
+
 impl Shoulder {
     /// How many places it has.
     pub(crate) fn place_count(&self) -> usize {

@@ -6,7 +6,7 @@ use statrs::distribution::{ContinuousCDF as _, FisherSnedecor};
 use tapline_wire::Discriminator;
 
 use crate::index::Setup;
-use crate::shoulder::{Shoulder, Turn};
+use crate::shoulder::{Shoulder, Turn, value_of};
 use crate::stats::median;
 
 /// What no gain of the microphone changes.
@@ -15,13 +15,20 @@ const FREE_OF_GAIN: [Discriminator; 3] = [Discriminator::FMax, Discriminator::Ta
 /// Fewest casings that a covariance of levels is taken from.
 pub(crate) const CASINGS_MIN: usize = 5;
 
-/// How the levels of sound shoulders scatter.
+/// The levels of sound shoulders.
 #[derive(Debug, Clone)]
 pub(crate) struct Levels {
+    /// Mean of each discriminator by condition; NaN where there is none.
+    means: Vec<[f64; Discriminator::COUNT]>,
+    /// How they differ from shoulder to shoulder, where enough casings tell.
+    spread: Option<Spread>,
+}
+
+/// How the levels of sound shoulders differ.
+#[derive(Debug, Clone)]
+struct Spread {
     /// Those of [`FREE_OF_GAIN`] that the reference has.
     discriminators: Vec<Discriminator>,
-    /// Mean level by `[condition][discriminator]`.
-    means: Vec<Vec<f64>>,
     casing_count: usize,
     /// Covariance of the levels of a shoulder.
     of_shoulder: Mat<f64>,
@@ -30,74 +37,92 @@ pub(crate) struct Levels {
 }
 
 impl Levels {
-    /// What the shoulders of a reference teach; `None` of fewer than five casings, or where their levels do not vary.
+    /// What the shoulders of a reference teach.
     ///
     /// A shoulder that is known to be cracked at more than half of its places does not tell the level of a sound one.
-    pub(crate) fn fit(setup: &Setup, shoulders: &[&Shoulder]) -> Option<Self> {
+    pub(crate) fn fit(setup: &Setup, shoulders: &[&Shoulder]) -> Self {
         let is_mostly_sound =
             |shoulder: &&Shoulder| 2 * shoulder.sound().iter().filter(|is| **is).count() >= shoulder.place_count();
         let shoulders: Vec<&Shoulder> = shoulders.iter().copied().filter(is_mostly_sound).collect();
-        let condition_count = setup.offset_of.len();
-        let has = |which: &Discriminator| {
-            shoulders.iter().all(|shoulder| shoulder.turns.iter().any(|turn| level(shoulder, turn, *which).is_some()))
-        };
-        let discriminators: Vec<Discriminator> = FREE_OF_GAIN.into_iter().filter(has).collect();
         let mean = |condition: usize, which: Discriminator| {
             let turns = shoulders.iter().flat_map(|shoulder| shoulder.turns.iter().map(move |turn| (shoulder, turn)));
             let turns = turns.filter(|(_, turn)| turn.condition == condition);
             let levels: Vec<f64> = turns.filter_map(|(shoulder, turn)| level(shoulder, turn, which)).collect();
             levels.iter().sum::<f64>() / levels.len() as f64
         };
-        let means =
-            (0..condition_count).map(|c| discriminators.iter().map(|&which| mean(c, which)).collect()).collect();
-        let width = discriminators.len();
-        let empty = Mat::zeros(width, width);
-        let casings: Vec<&[&Shoulder]> = shoulders.chunk_by(|a, b| a.casing == b.casing).collect();
-        let casing_count = casings.len();
-        let mut levels = Self { discriminators, means, casing_count, of_shoulder: empty, of_difference: None };
-        if casing_count < CASINGS_MIN || width == 0 {
-            return None;
-        }
-        let of_shoulders: Option<Vec<Vec<f64>>> = shoulders.iter().map(|shoulder| levels.of(shoulder)).collect();
-        levels.of_shoulder = mean_square(&of_shoulders?, width)?;
-        let pairs = casings.iter().filter_map(|casing| <[&Shoulder; 2]>::try_from(*casing).ok());
-        let differences: Option<Vec<Vec<f64>>> =
-            pairs.map(|[a, b]| Some(minus(&levels.of(a)?, &levels.of(b)?))).collect();
-        levels.of_difference = differences
-            .filter(|differences| differences.len() >= CASINGS_MIN)
-            .and_then(|differences| Some((mean_square(&differences, width)?, differences.len())));
-        Some(levels)
+        let means = (0..setup.offset_of.len()).map(|c| Discriminator::ALL.map(|which| mean(c, which))).collect();
+        let mut levels = Self { means, spread: None };
+        levels.spread = Spread::fit(&levels, &shoulders);
+        levels
     }
 
-    /// Mean over the turns of a shoulder of their levels above the reference's; `None` where one has no level.
-    fn of(&self, shoulder: &Shoulder) -> Option<Vec<f64>> {
-        let mean = |(d, &which): (usize, &Discriminator)| {
-            // Of a second reading a few places are known, and those that stand out are many of them.
-            let whole = shoulder.turns.iter().filter(|turn| turn.controls.is_none());
-            let above = whole.filter_map(|turn| {
-                Some(level(shoulder, turn, which)? - self.means[turn.condition][d]).filter(|above| above.is_finite())
-            });
-            let (sum, count) = above.fold((0.0, 0_u32), |(sum, count), x| (sum + x, count + 1));
-            (count > 0).then(|| sum / f64::from(count))
-        };
-        self.discriminators.iter().enumerate().map(mean).collect()
+    /// Mean over the turns of a shoulder of what `above` makes of their levels of `which` and of the reference's; `None` where
+    /// none has a level.
+    fn mean(&self, shoulder: &Shoulder, which: Discriminator, above: impl Fn(f64, f64) -> f64) -> Option<f64> {
+        // Of a second reading a few places are known, and those that stand out are many of them.
+        let whole = shoulder.turns.iter().filter(|turn| turn.controls.is_none());
+        let found = whole.filter_map(|turn| {
+            let mean = self.means[turn.condition][which as usize];
+            Some(above(level(shoulder, turn, which)?, mean)).filter(|above| above.is_finite())
+        });
+        let (sum, count) = found.fold((0.0, 0_u32), |(sum, count), x| (sum + x, count + 1));
+        (count > 0).then(|| sum / f64::from(count))
+    }
+
+    /// How far the levels of a shoulder lie above the reference's, as [`Turn::log`] has them; `None` where one has no level.
+    fn above(&self, shoulder: &Shoulder, discriminators: &[Discriminator]) -> Option<Vec<f64>> {
+        discriminators.iter().map(|&which| self.mean(shoulder, which, |level, mean| level - mean)).collect()
+    }
+
+    /// The level of each discriminator of a shoulder as a multiple of the reference's; NaN where it is not known.
+    pub(crate) fn times(&self, shoulder: &Shoulder) -> [f64; Discriminator::COUNT] {
+        Discriminator::ALL.map(|which| {
+            let above = |level, mean| (value_of(which, level) / value_of(which, mean)).ln();
+            self.mean(shoulder, which, above).map_or(f64::NAN, f64::exp)
+        })
     }
 
     /// The probability that a sound shoulder's levels lie as far off the reference's as those of `shoulder`, or from the
-    /// `other` shoulder of its casing, twice the smaller of the two; `None` where it has no levels.
+    /// `other` shoulder of its casing, twice the smaller of the two; `None` where it has no levels, or too few casings tell.
     pub(crate) fn probability(&self, shoulder: &Shoulder, other: Option<&Shoulder>) -> Option<f64> {
-        let own = self.of(shoulder)?;
-        let (n, p) = (self.casing_count as f64, self.discriminators.len() as f64);
+        let spread = self.spread.as_ref()?;
+        let above = |shoulder: &Shoulder| self.above(shoulder, &spread.discriminators);
+        let own = above(shoulder)?;
+        let (n, p) = (spread.casing_count as f64, spread.discriminators.len() as f64);
         // Hotelling's T^2 of a new observation. The shoulders of a casing are alike: casings count.
-        let t_squared = distance(&self.of_shoulder, &own)? * n / (n + 1.0);
+        let t_squared = distance(&spread.of_shoulder, &own)? * n / (n + 1.0);
         let of_shoulder = f_tail(t_squared * (n - p) / (p * (n - 1.0)), p, n - p)?;
-        let of_pair = self.of_difference.as_ref().zip(other).and_then(|((covariance, count), other)| {
-            let t_squared = distance(covariance, &minus(&own, &self.of(other)?))?;
+        let of_pair = spread.of_difference.as_ref().zip(other).and_then(|((covariance, count), other)| {
+            let t_squared = distance(covariance, &minus(&own, &above(other)?))?;
             let n = *count as f64;
             f_tail(t_squared * (n - p + 1.0) / (n * p), p, n - p + 1.0)
         });
         let least = of_pair.map_or(of_shoulder, |of_pair| if of_pair < of_shoulder { of_pair } else { of_shoulder });
         Some(if 2.0 * least < 1.0 { 2.0 * least } else { 1.0 })
+    }
+}
+
+impl Spread {
+    /// By `shoulders`, whose means `levels` has; `None` of fewer than five casings, or where their levels do not vary.
+    fn fit(levels: &Levels, shoulders: &[&Shoulder]) -> Option<Self> {
+        let has = |which: &Discriminator| {
+            shoulders.iter().all(|shoulder| shoulder.turns.iter().any(|turn| level(shoulder, turn, *which).is_some()))
+        };
+        let discriminators: Vec<Discriminator> = FREE_OF_GAIN.into_iter().filter(has).collect();
+        let width = discriminators.len();
+        let casings: Vec<&[&Shoulder]> = shoulders.chunk_by(|a, b| a.casing == b.casing).collect();
+        if casings.len() < CASINGS_MIN || width == 0 {
+            return None;
+        }
+        let above = |shoulder: &Shoulder| levels.above(shoulder, &discriminators);
+        let of_shoulders: Option<Vec<Vec<f64>>> = shoulders.iter().map(|shoulder| above(shoulder)).collect();
+        let of_shoulder = mean_square(&of_shoulders?, width)?;
+        let pairs = casings.iter().filter_map(|casing| <[&Shoulder; 2]>::try_from(*casing).ok());
+        let differences: Option<Vec<Vec<f64>>> = pairs.map(|[a, b]| Some(minus(&above(a)?, &above(b)?))).collect();
+        let of_difference = differences
+            .filter(|differences| differences.len() >= CASINGS_MIN)
+            .and_then(|differences| Some((mean_square(&differences, width)?, differences.len())));
+        Some(Self { casing_count: casings.len(), discriminators, of_shoulder, of_difference })
     }
 }
 

@@ -4,10 +4,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use tapline_store::{Reader, Unreported};
-use tapline_wire::{CasingHeader, now_ns};
+use tapline_wire::{CasingHeader, Reasons, now_ns};
 
 use crate::shown::casing::{CasingStatus, Layout, retaken};
+use crate::shown::rig::ASKS;
 use crate::shown::verdict::{CasingVerdict, calibration, since_last_tap_s};
+use crate::shown::whole::Whole;
 
 use super::{SHOWN_MAX, Supervisor};
 
@@ -128,7 +130,24 @@ impl Supervisor<'_> {
         if let Some(station) = self.shown.stations.iter_mut().find(|station| station.number == verdict.station) {
             station.tally.add(verdict, last.retaken);
             station.last = Some(last);
+            station.whole = Whole::median(verdict.shoulders.iter().map(|shoulder| &shoulder.whole));
             (station.calibrated_on, station.is_calibration_out_of_date) = calibration(reader);
         }
+        self.watch_rig(verdict);
+    }
+
+    /// Logs what the last casings of a station have in common, and keeps it for viewers.
+    fn watch_rig(&mut self, verdict: &CasingVerdict) {
+        let number = verdict.station;
+        let shoulders = verdict.shoulders.iter().map(|s| (Reasons::named(&s.reasons), &s.whole));
+        // A list says so at its end.
+        for spell in self.rigs.add(number, &verdict.casing, shoulders).iter().filter(|_| !self.is_list) {
+            match spell.is_over {
+                true => tracing::info!(station = number, "over: {}", spell.sign),
+                false => tracing::warn!(station = number, "{}: {ASKS}", spell.sign),
+            }
+        }
+        let station = self.shown.stations.iter_mut().find(|station| station.number == number);
+        station.into_iter().for_each(|station| station.signs = self.rigs.of(number).to_vec());
     }
 }

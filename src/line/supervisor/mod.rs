@@ -23,6 +23,7 @@ use crate::line::stage::StageReport;
 use crate::line::stages::Stages;
 use crate::line::store_silence::StoreSilence;
 use crate::shown::casing::{CasingStatus, Layout, retaken};
+use crate::shown::rig::Rigs;
 use crate::shown::status::{Alarm, StationStatus, Status};
 use crate::shown::verdict::Form;
 use crate::wires::Wires;
@@ -128,6 +129,8 @@ pub(crate) struct Supervisor<'a> {
     settled_closed: usize,
     /// Those of them that were settled before this process started.
     settled_before: usize,
+    /// The rig of each station.
+    rigs: Rigs,
     silence: StoreSilence,
     rate: ProgressRate,
     pace: Pace,
@@ -169,6 +172,7 @@ impl<'a> Supervisor<'a> {
             known: BTreeSet::new(),
             settled_closed: 0,
             settled_before: 0,
+            rigs: Rigs::default(),
             silence: StoreSilence::default(),
             rate: ProgressRate::default(),
             pace: Pace::default(),

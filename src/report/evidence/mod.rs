@@ -12,13 +12,14 @@ use anyhow::Result;
 use tapline_fuse::{OffsetMap, ReferenceSet};
 use tapline_store::{Judged, Reader, Region, regions};
 use tapline_wire::{
-    DamageCell, Discriminator, Discriminators, Geometry, Quality, Reasons, Recording, Scan, ScanState, Serial,
-    SourceKind, TapState, Verdict,
+    DamageCell, Discriminators, Geometry, Quality, Reasons, Recording, Scan, ScanState, Serial, SourceKind, TapState,
+    Verdict,
 };
 
 use crate::config::Config;
-use crate::config::reference::fusion_of;
+use crate::config::reference::{KeptReferences, fusion_of};
 use crate::report::evidence::condition::Condition;
+use crate::shown::whole::Whole;
 
 /// Everything that the pages of one archive show, except samples.
 pub(crate) struct Evidence {
@@ -73,8 +74,7 @@ pub(crate) struct Shoulder {
     pub strongest_arc: Option<f64>,
     /// The same by the first reading alone, if anything was tapped again.
     pub first_strongest_arc: Option<f64>,
-    /// [`tapline_wire::Judgement::known_scatter`].
-    pub scatter: Vec<(Discriminator, f64)>,
+    pub whole: Whole,
     /// Ascending by location; without an index if nothing is judged.
     pub cells: Vec<Cell>,
     /// Whether its places are angles around a ring, and not numbers of locations.
@@ -126,14 +126,13 @@ pub(crate) struct Tap {
 
 impl Evidence {
     /// Reads the archive behind `reader`.
-    pub(crate) fn read(reader: &Reader) -> Result<Self> {
+    pub(crate) fn read(reader: &Reader, references: &mut KeptReferences) -> Result<Self> {
         let plan = reader.plan();
         let (mut config, config_problem) = match Config::parse(reader.config()) {
             Ok(config) => (config, None),
             Err(error) => (Config::default(), Some(format!("{error:#}"))),
         };
-        let reference: Option<Arc<ReferenceSet>> =
-            reader.reference().and_then(|text| ReferenceSet::parse(text).ok()).map(Arc::new);
+        let reference = references.of(reader).unwrap_or_default();
         let headers = reader.headers()?;
         let found = reader.discriminators()?;
         if let Some(set) = &reference {
@@ -237,6 +236,7 @@ fn shoulder(
     // As in the exported table of verdicts.
     let unknown = if state == ScanState::Open { Reasons::NOT_ENDED } else { Reasons::NO_INDEX };
     let (verdict, reasons) = known.unwrap_or((Verdict::ReInspect, unknown));
+    let qualities = || taps.iter().filter_map(|tap| tap.found.map(|found| found.quality));
     let limits = judgement.map(|j| Limits { re_inspect: j.limit_re_inspect, reject: j.limit_reject });
     Shoulder {
         number: scan.shoulder,
@@ -249,7 +249,7 @@ fn shoulder(
         limits: limits.filter(|limits| limits.re_inspect.is_finite() && limits.reject.is_finite()),
         strongest_arc: judgement.map(|j| j.strongest_arc).filter(|arc| arc.is_finite()),
         first_strongest_arc: judgement.map(|j| j.first_strongest_arc).filter(|arc| arc.is_finite()),
-        scatter: judgement.iter().flat_map(|judgement| judgement.known_scatter()).collect(),
+        whole: judgement.map_or_else(Whole::default, |judgement| Whole::new(&judgement, qualities)),
         cells: map.iter().map(cell).collect(),
         is_round: places.is_round,
         regions: regions(reader.plan().geometry, &map),

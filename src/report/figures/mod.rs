@@ -6,6 +6,7 @@ pub(super) mod bscan;
 pub(super) mod chart;
 pub(super) mod colour;
 pub(super) mod inline;
+pub(super) mod rig;
 pub(super) mod ring;
 pub(super) mod rounds;
 pub(super) mod scale;

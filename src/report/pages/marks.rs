@@ -1,9 +1,9 @@
 //! What to mark on a casing: the regions of each shoulder, and the reasons of its verdict.
 
 use maud::{Markup, html};
-use tapline_host::messages::{counted, shares_of_taps, times_the_reference};
+use tapline_host::messages::counted;
 use tapline_store::Region;
-use tapline_wire::{Discriminator, Geometry, Quality, Reasons};
+use tapline_wire::{Discriminator, Geometry, Reasons};
 
 use crate::config::report::ReportConfig;
 use crate::report::evidence::{Evidence, Shoulder, Tyre, condition};
@@ -28,8 +28,7 @@ pub(crate) fn verdicts(geometry: Geometry, tyre: &Tyre) -> Markup {
                 td data-label="verdict" { (verdict_word(shoulder.verdict)) }
                 td data-label="why" {
                     (words::reasons(geometry, shoulder.reasons.difference(common))) " "
-                    @if let Some(flags) = flags(shoulder) { (flags) " " }
-                    @if let Some(scatter) = scatter(shoulder) { (scatter) " " }
+                    @for (what, detail) in details(shoulder) { (what) ": " (detail) ". " }
                     (rests_on(shoulder))
                 }
                 td class="n" data-label="strongest arc" {
@@ -44,21 +43,11 @@ pub(crate) fn verdicts(geometry: Geometry, tyre: &Tyre) -> Markup {
     }
 }
 
-/// The flags on most taps, of which a reason of the verdict speaks.
-fn flags(shoulder: &Shoulder) -> Option<String> {
-    let found = shoulder.taps.iter().filter_map(|tap| tap.found.as_ref());
-    let flags = Quality::on_most(found.map(|found| found.quality)).into_iter();
-    let flags: Vec<(String, f64)> = flags.map(|(flag, share)| (flag.to_string(), share)).collect();
-    let named = || flags.iter().map(|(flag, share)| (flag.as_str(), *share));
-    (shoulder.reasons.contains(Reasons::FLAGGED) && !flags.is_empty())
-        .then(|| format!("Flagged: {}.", shares_of_taps(named())))
-}
-
-/// How far the places differ, of which a reason of the verdict speaks.
-fn scatter(shoulder: &Shoulder) -> Option<String> {
-    let scatter = shoulder.scatter.iter().map(|(which, times)| (which.name(), *times));
-    (shoulder.reasons.contains(Reasons::SCATTER_OFF) && !shoulder.scatter.is_empty())
-        .then(|| format!("Scatter: {}.", times_the_reference(scatter)))
+/// What reasons of the verdict leave open: which flags, and how far scatter and level are off.
+fn details(shoulder: &Shoulder) -> impl Iterator<Item = (&'static str, String)> {
+    let all = [("Flagged", Reasons::FLAGGED), ("Scatter", Reasons::SCATTER_OFF), ("Level", Reasons::LEVEL_OFF)];
+    let given = all.into_iter().filter(|(_, reason)| shoulder.reasons.contains(*reason));
+    given.filter_map(|(what, reason)| Some((what, shoulder.whole.detail(&reason.to_string())?)))
 }
 
 /// The taps that a verdict rests on.

@@ -4,11 +4,14 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use tapline_draw::canvas::number;
 use tapline_fuse::Reference;
 use tapline_host::messages::counted;
-use tapline_wire::{TapState, Verdict};
+use tapline_wire::{Reasons, TapState, Verdict};
 
 use crate::report::evidence::{Evidence, Shoulder, Tap, flags};
 use crate::report::pages::paper::Paper;
 use crate::report::pages::words;
+
+/// What a shoulder has that was compared with its own casing although there is another reference.
+const BY_ITS_CASING: Reasons = Reasons::SCATTER_OFF.union(Reasons::SELF_REFERENCE);
 
 /// A page called `title`, which needs no other file.
 pub(crate) fn page(title: &str, paper: &Paper, body: &Markup) -> String {
@@ -198,6 +201,8 @@ pub(crate) fn made_by(evidence: &Evidence) -> Markup {
                 (Some(reference), None) => (reference),
                 (None, _) => "nothing that is named",
             }
+            @let by_itself = evidence.shoulders().filter(|shoulder| shoulder.reasons.contains(BY_ITS_CASING)).count();
+            @if by_itself > 0 { "; but " (counted(by_itself, "shoulder was", "shoulders were")) " compared with the casing itself, for scatter_off" }
             @match (printed.a90_95_mm, &printed.a90_95_source) {
                 (Some(mm), Some(source)) => { ". Of cracks of " (number(mm)) " mm and more, 90 % are found, with 95 % confidence (" (source) ")" }
                 _ => { ". The smallest crack that is surely found is not known here (" code { "tapline-lab pod" } " tells it)" }

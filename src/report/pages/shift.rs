@@ -14,6 +14,7 @@ use crate::report::figures::scale::Scale;
 use crate::report::figures::{boxes, rounds};
 use crate::report::pages::page::{self, figure, small_figure, verdict_word};
 use crate::report::pages::paper::{self, Paper};
+use crate::report::pages::rig::RigsOfShift;
 use crate::report::pages::tyre::boxes_words;
 use crate::report::pages::words::{body, side};
 
@@ -104,11 +105,13 @@ fn page(
         })
         .collect();
     let taps = || evidence.tyres.iter().flat_map(Tyre::taps);
+    let rigs = RigsOfShift::new(evidence);
     let body = html! {
         header {
             p class="kind" { "tapline, report on a shift" }
             h1 { (name) }
             (page::notices(evidence, &named))
+            (rigs.notice())
             dl {
                 dt { "Tapped" } dd { (page::when(taps())) }
                 dt { "Verdicts" } dd {
@@ -120,6 +123,7 @@ fn page(
             }
         }
         (overview(evidence, &order))
+        (rigs.section(evidence)?)
         (indices(evidence, &order)?)
         (truth(evidence, score)?)
         section { h2 { "Taps" } (page::ledger(&named, refusals)) }

@@ -203,7 +203,7 @@
       article: make('article', { class: 'station', id: `station-${number}`, 'aria-labelledby': `station-${number}-name` }),
       sign: make('span', {}), word: make('span', { class: 'word' }), casing: make('p', { class: 'casing' }),
       note: make('p', { class: 'note' }), rings: make('div', { class: 'rings' }), facts: make('dl', { class: 'facts' }),
-      waits: make('p', { class: 'waits' }), before: make('p', { class: 'before' }), due: make('p', { class: 'due' }), drawn: [],
+      waits: make('p', { class: 'waits' }), before: make('p', { class: 'before' }), due: make('div', { class: 'due' }), drawn: [],
     };
     parts.article.append(
       make('h2', { id: `station-${number}-name` }, `Station ${number}`),
@@ -266,7 +266,10 @@
     put(parts.waits, waits);
     const before = isLive && !verdict ? verdictOf(station) : undefined;
     keyed(parts.before, before ? before.casing + before.at_ns : '', () => (before ? ['Before: ', sign(kindOf(before.verdict)), ` ${before.casing} ${before.verdict}, at ${moment(before.at_ns)}`] : []));
-    put(parts.due, station.is_calibration_out_of_date ? `▲ The calibration of ${station.calibrated_on ?? 'this station'} is not known to hold on the day of the last casing` : '');
+    const due = station.is_calibration_out_of_date
+      ? [`▲ The calibration of ${station.calibrated_on ?? 'this station'} is not known to hold on the day of the last casing`] : [];
+    const signs = station.signs.map((of) => `▲ Check the rig: ${of.name} on ${of.count} casings, ${of.first} to ${of.last}${of.detail ? `: ${of.detail}` : ''}`);
+    keyed(parts.due, JSON.stringify([due, signs]), () => [...due, ...signs].map((text) => make('p', {}, text)));
     return parts.article;
   }
 

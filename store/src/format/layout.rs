@@ -127,7 +127,7 @@ pub(crate) const NOTES: [(&str, &str, &str); 8] = [
     (table::REFUSALS, "reason of a refused tap, UTF-8", ""),
     (
         table::SCANS,
-        "state 0 open, 1 ended, 2 judged; verdict 0 none, 1 PASS, 2 RE-INSPECT, 3 REJECT; reasons is a set of flags; its cells are rows first_cell.. of damage; evidence and drift are by discriminator, in the order of that table's columns",
+        "state 0 open, 1 ended, 2 judged; verdict 0 none, 1 PASS, 2 RE-INSPECT, 3 REJECT; reasons is a set of flags; its cells are rows first_cell.. of damage; evidence, scatter, level and drift are by discriminator, in the order of that table's columns",
         "",
     ),
     (
@@ -268,6 +268,7 @@ pub(crate) struct ScanRow {
     pub p_value: f64,
     pub evidence: [f64; Discriminator::COUNT],
     pub scatter: [f64; Discriminator::COUNT],
+    pub level: [f64; Discriminator::COUNT],
     pub drift: [f64; Discriminator::COUNT],
     pub reasons: u32,
     pub planned_count: u32,

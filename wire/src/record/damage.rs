@@ -94,7 +94,7 @@ impl Default for DamageCell {
 /// The verdict on one shoulder; the cells of its damage map follow it.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("tapline.Judgement.v3")]
+#[type_name("tapline.Judgement.v4")]
 pub struct Judgement {
     /// Which record this is; `stamp.mark` is the number of the scan.
     pub stamp: Stamp,
@@ -122,6 +122,9 @@ pub struct Judgement {
     /// How far each discriminator scatters from place to place, as a multiple of how far it does in the reference; NaN where it is
     /// not known.
     pub scatter: [f64; Discriminator::COUNT],
+    /// Level of each discriminator, its median over the places of a turn, as a multiple of the reference's; the geometric mean of
+    /// all turns, NaN where it is not known.
+    pub level: [f64; Discriminator::COUNT],
     /// Change of each discriminator from the first to the closing tap of a turn, as a share of its level, the median of
     /// all turns; NaN where there is no closing tap.
     pub drift: [f64; Discriminator::COUNT],
@@ -150,6 +153,7 @@ impl Default for Judgement {
             p_value: f64::NAN,
             evidence: [f64::NAN; Discriminator::COUNT],
             scatter: [f64::NAN; Discriminator::COUNT],
+            level: [f64::NAN; Discriminator::COUNT],
             drift: [f64::NAN; Discriminator::COUNT],
             planned_count: 0,
             received_count: 0,
@@ -162,9 +166,17 @@ impl Default for Judgement {
 impl Judgement {
     /// The discriminators whose [`scatter`](Self::scatter) is known.
     pub fn known_scatter(&self) -> impl Iterator<Item = (Discriminator, f64)> {
-        let all = Discriminator::ALL.into_iter().map(|which| (which, self.scatter[which as usize]));
-        all.filter(|(_, times)| times.is_finite())
+        known(self.scatter)
     }
+
+    /// Those whose [`level`](Self::level) is known.
+    pub fn known_level(&self) -> impl Iterator<Item = (Discriminator, f64)> {
+        known(self.level)
+    }
+}
+
+fn known(times: [f64; Discriminator::COUNT]) -> impl Iterator<Item = (Discriminator, f64)> {
+    Discriminator::ALL.into_iter().zip(times).filter(|(_, times)| times.is_finite())
 }
 
 impl Stamped for Judgement {

@@ -22,6 +22,12 @@ macro_rules! flags {
             /// Every flag with its name, in the order of the bits.
             pub const ALL: &'static [(Self, &'static str)] = &[$((Self::$flag, $name),)*];
 
+            /// The flags with these names, joined by `|`; what is no name is passed over.
+            pub fn named(names: &str) -> Self {
+                let named = Self::ALL.iter().filter(|(_, name)| names.split('|').any(|given| given == *name));
+                named.fold(Self::default(), |all, &(flag, _)| all | flag)
+            }
+
             /// The meanings of the flags that are set, as pages print them.
             pub fn meaning(self) -> String {
                 let meanings = [$((Self::$flag, $meaning),)*].into_iter().filter(|&(flag, _)| self.contains(flag));
@@ -162,6 +168,7 @@ mod tests {
         let reasons = Reasons::from_bits_retain(1 | 128);
         assert_eq!(format!("{reasons:?}"), "Reasons(damage|self_reference)");
         assert_eq!(Reasons::EXTRAPOLATED.bits(), 1 << 12);
+        assert_eq!((Reasons::named(&reasons.to_string()), Reasons::named("")), (reasons, Reasons::default()));
     }
 
     /// Catches two flags of one bit, a bit left out, a flag without a meaning, and a set that shows only one meaning.

@@ -264,7 +264,7 @@ impl Topic for AskTopic {
 }
 
 /// Longest status of a line, in bytes.
-pub const STATUS_BYTES_MAX: usize = 256 * 1024;
+pub const STATUS_BYTES_MAX: usize = 512 * 1024;
 
 /// The status of the line as text: the supervisor to viewers, which may stop or die without effect on the line.
 #[derive(Debug)]

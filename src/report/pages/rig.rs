@@ -1,0 +1,94 @@
+//! The rigs of a shift: what the casings of a station have in common speaks of its rig.
+
+use std::collections::BTreeMap;
+
+use anyhow::Result;
+use maud::{Markup, html};
+use tapline_wire::Reasons;
+
+use crate::report::evidence::{Evidence, Tyre};
+use crate::report::figures::rig::{self, OfCasing};
+use crate::report::pages::page::figure;
+use crate::report::pages::words;
+use crate::shown::rig::{ASKS, Rigs, Spell};
+use crate::shown::whole::Whole;
+
+/// Most stations that are drawn.
+const STATIONS_MOST: usize = 8;
+
+/// The rigs of a shift.
+pub(crate) struct RigsOfShift<'a> {
+    /// The casings of each station, in the order in which they were tapped, with what holds for them as a whole.
+    stations: BTreeMap<u16, Vec<(&'a Tyre, Whole)>>,
+    spells: Vec<Spell>,
+}
+
+impl<'a> RigsOfShift<'a> {
+    pub(crate) fn new(evidence: &'a Evidence) -> Self {
+        let mut stations: BTreeMap<u16, Vec<(&Tyre, Whole)>> = BTreeMap::new();
+        for tyre in &evidence.tyres {
+            let whole = Whole::median(tyre.shoulders.iter().map(|shoulder| &shoulder.whole));
+            let station = tyre.stations().first().copied().unwrap_or_default();
+            stations.entry(station).or_default().push((tyre, whole));
+        }
+        let (mut rigs, mut spells) = (Rigs::default(), Vec::new());
+        for (&station, tyres) in &mut stations {
+            // Where a time is not known, which is 0, the order of the archives stays.
+            let first_ns = |tyre: &Tyre| tyre.taps().filter_map(|tap| tap.time_ns).filter(|&ns| ns != 0).min();
+            if tyres.iter().all(|(tyre, _)| first_ns(tyre).is_some()) {
+                tyres.sort_by_cached_key(|(tyre, _)| first_ns(tyre));
+            }
+            for (tyre, _) in tyres {
+                let shoulders = tyre.shoulders.iter().map(|shoulder| (shoulder.reasons, &shoulder.whole));
+                spells.extend(
+                    rigs.add(station, tyre.serial.as_str(), shoulders).into_iter().filter(|spell| spell.is_over),
+                );
+            }
+        }
+        spells.extend(rigs.all());
+        Self { stations, spells }
+    }
+
+    /// What should be looked at, for the top of the page; nothing if that is nothing.
+    pub(crate) fn notice(&self) -> Markup {
+        html! {
+            @if !self.spells.is_empty() {
+                div class="notice" role="note" {
+                    p { strong { "Casings have in common what speaks of the rig." } " Before their verdicts are used, " (ASKS) "." }
+                    @for spell in &self.spells { p { "At " (spell) "." } }
+                }
+            }
+        }
+    }
+
+    /// Level and scatter of each station over the shift; nothing where a few casings tell nothing.
+    pub(crate) fn section(&self, evidence: &Evidence) -> Result<Markup> {
+        let has_spell = |station: u16| self.spells.iter().any(|spell| spell.station == station);
+        let mut order: Vec<(&u16, &Vec<(&Tyre, Whole)>)> = self.stations.iter().collect();
+        order.sort_by_key(|(station, _)| !has_spell(**station));
+        let mut pictures = Vec::new();
+        let mut drawn = 0;
+        for (station, tyres) in order.iter().take(STATIONS_MOST) {
+            let of = |reason: Reasons, times: fn(&Whole) -> &BTreeMap<String, f64>| -> Vec<OfCasing<'_>> {
+                let is_off = |tyre: &Tyre| tyre.shoulders.iter().any(|shoulder| shoulder.reasons.contains(reason));
+                tyres.iter().map(|(tyre, whole)| (times(whole), is_off(tyre))).collect()
+            };
+            let level = of(Reasons::LEVEL_OFF, |whole| &whole.level);
+            let scatter = of(Reasons::SCATTER_OFF, |whole| &whole.scatter);
+            let ends = [tyres.first(), tyres.last()].map(|tyre| tyre.map_or("", |(tyre, _)| tyre.serial.as_str()));
+            let level = rig::svg(format!("Station {station}: level"), ends, &level, (0.9, 1.1))?;
+            let scatter = rig::svg(format!("Station {station}: scatter"), ends, &scatter, (0.0, 1.5))?;
+            drawn += usize::from(level.is_some() || scatter.is_some());
+            pictures.extend(level.into_iter().chain(scatter));
+        }
+        if pictures.is_empty() {
+            return Ok(html! {});
+        }
+        let what = html! {
+            strong { "What each rig measured beside the reference, casing by casing." }
+            " Level is the median around a " (words::side(evidence.geometry)) ", scatter how far its places differ. A rig that has not changed stays near 1. F_max and τ speak of the force sensor and the impactor, A₁ and PR of the microphone. Shaded casings have the reason level_off or scatter_off."
+            @if self.stations.len() > drawn { " Drawn are " (drawn) " of " (self.stations.len()) " stations." }
+        };
+        Ok(html! { section { h2 { "Rigs" } (figure(pictures, &what)) } })
+    }
+}

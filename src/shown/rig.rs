@@ -1,0 +1,267 @@
+//! What the last casings of a station have in common speaks of its rig.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+use tapline_wire::{Discriminator, Reasons};
+
+use crate::shown::whole::Whole;
+
+/// How many of its last casings are looked at.
+const LAST: usize = 8;
+
+/// Fewest casings with the same sign that speak of the rig, beside half of the last ones.
+const MANY: usize = 4;
+
+/// A sign is over after so many casings in a row without it.
+const OVER_AFTER: usize = 3;
+
+/// Of a casing, from the first casing with a sign on: three in four must have it, or an odd one before was no beginning.
+const SINCE_PERCENT: usize = 75;
+
+/// Reasons that a changed rig gives to one casing after the other, as damage all round and another kind of casing do.
+const REASONS: [Reasons; 4] = [Reasons::LEVEL_OFF, Reasons::SCATTER_OFF, Reasons::FORCE_OFF, Reasons::FEATURES_ABSENT];
+
+/// Shoulders that lack taps say nothing of the rig.
+const INCOMPLETE: Reasons = Reasons::NOT_ENDED.union(Reasons::TAPS_REFUSED).union(Reasons::TAPS_MISSING);
+
+/// Nor do casings with damage: where a part of the ring is cracked, its level and its scatter are off by that.
+const CRACKED: Reasons = Reasons::DAMAGE;
+
+/// The sign of a microphone that hears everything louder or more quietly than it did: no verdict minds, as gain is no damage.
+pub(crate) const SOUND_GAIN: &str = "sound_gain";
+
+/// How far the level of A_1 must be from the reference's for that: 2 dB.
+const GAIN: f64 = 1.25;
+
+/// What the signs ask of people.
+pub(crate) const ASKS: &str =
+    "check the rig, unless these casings are cracked all round, or of another kind than the reference's";
+
+/// Something that the casings of a station have in common.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Sign {
+    /// A reason of verdicts, or [`SOUND_GAIN`].
+    pub name: String,
+    /// How many casings have it.
+    pub count: usize,
+    /// The first of them.
+    pub first: String,
+    /// The last of them.
+    pub last: String,
+    /// What the name leaves open, the median of the last of these casings.
+    pub detail: Option<String>,
+}
+
+impl fmt::Display for Sign {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { name, count, first, last, detail } = self;
+        write!(f, "{name} on {count} casings, {first} to {last}")?;
+        detail.iter().try_for_each(|detail| write!(f, ": {detail}"))
+    }
+}
+
+/// A sign at a station that no longer has it, or still has.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Spell {
+    pub station: u16,
+    #[serde(flatten)]
+    pub sign: Sign,
+    pub is_over: bool,
+}
+
+impl fmt::Display for Spell {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "station {}: {}", self.station, self.sign)
+    }
+}
+
+/// What was seen of a casing.
+#[derive(Debug)]
+struct Seen {
+    casing: String,
+    signs: Vec<&'static str>,
+    whole: Whole,
+}
+
+/// Watches the rig of one station.
+#[derive(Debug, Default)]
+struct RigWatch {
+    last: VecDeque<Seen>,
+    /// The signs that it has now.
+    signs: Vec<Sign>,
+}
+
+/// Watches the rigs of all stations.
+#[derive(Debug, Default)]
+pub(crate) struct Rigs {
+    stations: BTreeMap<u16, RigWatch>,
+}
+
+impl Rigs {
+    /// Adds a casing, each shoulder by the reasons of its verdict and by what holds for the whole of it; returns the signs that
+    /// its station has since, and those that are over.
+    ///
+    /// A station has a sign when half of its last 8 casings without damage have it, and 4 at least, until 3 in a row are without.
+    pub(crate) fn add<'a>(
+        &mut self,
+        station: u16,
+        casing: &str,
+        shoulders: impl IntoIterator<Item = (Reasons, &'a Whole)>,
+    ) -> Vec<Spell> {
+        let shoulders = shoulders.into_iter().filter(|(reasons, _)| !reasons.intersects(INCOMPLETE));
+        let (reasons, wholes): (Vec<Reasons>, Vec<&Whole>) = shoulders.unzip();
+        if reasons.is_empty() || reasons.iter().any(|reasons| reasons.intersects(CRACKED)) {
+            return Vec::new();
+        }
+        let whole = Whole::median(wholes.into_iter());
+        let watch = self.stations.entry(station).or_default();
+        let changed = watch.add(Seen { casing: casing.to_owned(), signs: signs(&reasons, &whole), whole });
+        changed.into_iter().map(|(sign, is_over)| Spell { station, sign, is_over }).collect()
+    }
+
+    /// The signs that `station` has.
+    pub(crate) fn of(&self, station: u16) -> &[Sign] {
+        self.stations.get(&station).map_or(&[], |watch| &watch.signs)
+    }
+
+    /// The signs that stations have.
+    pub(crate) fn all(&self) -> impl Iterator<Item = Spell> {
+        let of = |(&station, watch): (&u16, &'_ RigWatch)| {
+            let signs = watch.signs.clone().into_iter();
+            signs.map(move |sign| Spell { station, sign, is_over: false }).collect::<Vec<_>>()
+        };
+        self.stations.iter().flat_map(of)
+    }
+}
+
+/// What speaks of the rig in a casing with such shoulders: the reasons that half of them have, and the gain of the sound.
+fn signs(shoulders: &[Reasons], whole: &Whole) -> Vec<&'static str> {
+    let is_of_casing =
+        |reason: Reasons| 2 * shoulders.iter().filter(|of| of.contains(reason)).count() >= shoulders.len();
+    let named = Reasons::ALL.iter().filter(|(reason, _)| REASONS.contains(reason) && is_of_casing(*reason));
+    let is_gain_off = |times: &f64| !(1.0 / GAIN..=GAIN).contains(times);
+    let gain = whole.level.get(Discriminator::A1.name()).filter(|times| is_gain_off(times)).map(|_| SOUND_GAIN);
+    named.map(|&(_, name)| name).chain(gain).collect()
+}
+
+impl RigWatch {
+    /// Adds a casing; returns the signs that have begun, and with `true` those that are over.
+    fn add(&mut self, seen: Seen) -> Vec<(Sign, bool)> {
+        let mut changed = Vec::new();
+        self.last.push_back(seen);
+        if self.last.len() > LAST {
+            self.last.pop_front();
+        }
+        let Some(newest) = self.last.back() else { return changed };
+        let has = |seen: &Seen, name: &str| seen.signs.iter().any(|sign| *sign == name);
+        for mut sign in std::mem::take(&mut self.signs) {
+            let is_over = self.last.iter().rev().take(OVER_AFTER).all(|seen| !has(seen, &sign.name));
+            if has(newest, &sign.name) {
+                (sign.count, sign.last) = (sign.count + 1, newest.casing.clone());
+                sign.detail = detail(&self.last, &sign.name);
+            }
+            match is_over {
+                true => changed.push((sign, true)),
+                false => self.signs.push(sign),
+            }
+        }
+        // Casings from before a mend make no new sign.
+        for (sign, _) in &changed {
+            self.last.iter_mut().for_each(|seen| seen.signs.retain(|name| *name != sign.name));
+        }
+        let Some(newest) = self.last.back() else { return changed };
+        for &name in &newest.signs {
+            if self.signs.iter().any(|sign| sign.name == name) {
+                continue;
+            }
+            let having: Vec<usize> = (0..self.last.len()).filter(|&place| has(&self.last[place], name)).collect();
+            if having.len() < MANY || 2 * having.len() < self.last.len() {
+                continue;
+            }
+            let is_since = |&(order, place): &(usize, &usize)| {
+                100 * (having.len() - order) >= SINCE_PERCENT * (self.last.len() - place)
+            };
+            let (order, &place) = having.iter().enumerate().find(is_since).unwrap_or((0, &having[0]));
+            let sign = Sign {
+                name: name.to_owned(),
+                count: having.len() - order,
+                first: self.last[place].casing.clone(),
+                last: newest.casing.clone(),
+                detail: detail(&self.last, name),
+            };
+            changed.push((sign.clone(), false));
+            self.signs.push(sign);
+        }
+        changed
+    }
+}
+
+/// What the sign `name` leaves open, of the casings that have it.
+fn detail(last: &VecDeque<Seen>, name: &str) -> Option<String> {
+    let having = last.iter().filter(|seen| seen.signs.iter().any(|sign| *sign == name)).map(|seen| &seen.whole);
+    Whole::median(having).detail(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn whole(f_max: f64, a_1: f64) -> Whole {
+        Whole { level: [("f_max".to_owned(), f_max), ("a_1".to_owned(), a_1)].into(), ..Whole::default() }
+    }
+
+    /// What a station says of casings, ..., two shoulders each with the same reasons.
+    fn said(casings: &[(Reasons, Whole)]) -> Vec<String> {
+        let mut rigs = Rigs::default();
+        let mut said = Vec::new();
+        for (k, (reasons, whole)) in casings.iter().enumerate() {
+            let changed = rigs.add(1, &format!("A-{k}"), [(*reasons, whole), (Reasons::default(), whole)]);
+            said.extend(
+                changed.iter().map(|spell| format!("A-{k} {} {spell}", if spell.is_over { "ends" } else { "begins" })),
+            );
+        }
+        said.extend(rigs.all().map(|spell| format!("has {spell}")));
+        said
+    }
+
+    /// Catches a sign of an odd casing, one that never comes, never ends or comes again, and a wrong first, last or count.
+    #[test]
+    fn a_sign_is_what_half_of_the_last_casings_have() {
+        let of = |k: usize| if (10..20).contains(&k) || k == 6 { Reasons::LEVEL_OFF } else { Reasons::SUSPECT };
+        let casings: Vec<_> =
+            (0..30).map(|k| (of(k), whole(if of(k) == Reasons::LEVEL_OFF { 0.8 } else { 1.0 }, 1.0))).collect();
+        let words = "station 1: level_off on";
+        assert_eq!(
+            said(&casings),
+            [
+                format!("A-12 begins {words} 3 casings, A-10 to A-12: f_max -20.0 % beside the reference's"),
+                format!("A-22 ends {words} 10 casings, A-10 to A-19: f_max -20.0 % beside the reference's"),
+            ]
+        );
+        assert_eq!(said(&casings[..12]), [""; 0]);
+        assert!(
+            said(&casings[..20])[1].starts_with(&format!("has {words} 10 casings, A-10 to A-19")),
+            "{:?}",
+            said(&casings[..20])
+        );
+    }
+
+    /// Catches casings with damage or without all of their taps that speak of the rig, a gain that nobody is told of, and stations that are taken
+    /// together.
+    #[test]
+    fn a_sign_is_of_whole_casings_and_of_one_station() {
+        let absent = Reasons::FEATURES_ABSENT;
+        for more in [Reasons::TAPS_REFUSED, Reasons::DAMAGE] {
+            assert_eq!(said(&vec![(absent | more, whole(1.0, 1.0)); 9]), [""; 0]);
+        }
+        let quiet = vec![(Reasons::default(), whole(1.0, 0.5)); 5];
+        let gain = "station 1: sound_gain on 5 casings, A-0 to A-4: a_1 -50.0 % beside the reference's";
+        assert_eq!(said(&quiet)[1], format!("has {gain}"));
+        let mut rigs = Rigs::default();
+        for k in 0..6 {
+            assert_eq!(rigs.add(k % 2, "A", [(absent, &whole(1.0, 1.0))]), [], "{k}");
+        }
+    }
+}
