@@ -176,7 +176,7 @@ mod tests {
         };
         let read = |status: &Status| serde_json::from_str::<Status>(&status.encode()).unwrap();
         assert_eq!(read(&status(100)), status(100));
-        let short = read(&status(60_000));
+        let short = read(&status(120_000));
         assert_eq!((short.alarms.len(), short.stations[0].casing.as_ref().unwrap().shoulders.len()), (1, 0));
     }
 
