@@ -155,7 +155,7 @@ impl RigWatch {
             self.last.pop_front();
         }
         let Some(newest) = self.last.back() else { return changed };
-        let has = |seen: &Seen, name: &str| seen.signs.iter().any(|sign| *sign == name);
+        let has = |seen: &Seen, name: &str| seen.signs.contains(&name);
         for mut sign in std::mem::take(&mut self.signs) {
             let is_over = self.last.iter().rev().take(OVER_AFTER).all(|seen| !has(seen, &sign.name));
             if has(newest, &sign.name) {
@@ -200,7 +200,7 @@ impl RigWatch {
 
 /// What the sign `name` leaves open, of the casings that have it.
 fn detail(last: &VecDeque<Seen>, name: &str) -> Option<String> {
-    let having = last.iter().filter(|seen| seen.signs.iter().any(|sign| *sign == name)).map(|seen| &seen.whole);
+    let having = last.iter().filter(|seen| seen.signs.contains(&name)).map(|seen| &seen.whole);
     Whole::median(having).detail(name)
 }
 
