@@ -11,6 +11,7 @@ use crate::index::Scores;
 use crate::reference::fitted::FittedReference;
 use crate::shoulder::Shoulder;
 use crate::verdict::verdict_of;
+use crate::verdict::whole_shoulder::Sound;
 use crate::{Error, FuseConfig};
 
 /// Most places of an arc that are tapped again; a longer one shows at some of its places as well.
@@ -66,6 +67,12 @@ impl Compared {
         let view = View::new(&self.shoulders[number], number, found);
         Some(View { named: (&named.fitted, &named.scores[number]), is_scatter_off, ..view })
     }
+
+    /// The other shoulder of the casing of scan number `scan`.
+    fn beside(&self, scan: usize) -> Option<Sound<'_>> {
+        let number = self.scans.iter().position(|&other| other != scan)?;
+        Some(Sound::found(&self.shoulders[number], &self.found.as_ref()?.scores[number].is_inlier))
+    }
 }
 
 impl Fusion {
@@ -105,8 +112,8 @@ impl Fusion {
         };
         match compared.view(scan) {
             Some(view) => {
-                let other = compared.shoulders.iter().find(|other| !std::ptr::eq(*other, view.shoulder));
-                view.judge(&self.config, self.plan.geometry, other, &mut judgement, &mut cells);
+                let other = compared.beside(scan);
+                view.judge(&self.config, self.plan.geometry, other.as_ref(), &mut judgement, &mut cells);
                 view.mark_offsets(&compared, &mut cells);
                 if cells.iter().any(|cell| cell.damage_index.is_nan()) {
                     judgement.reasons.insert(Reasons::LOCATION_BLIND);
@@ -241,7 +248,7 @@ impl<'a> View<'a> {
         &self,
         config: &FuseConfig,
         geometry: Geometry,
-        other: Option<&Shoulder>,
+        other: Option<&Sound<'_>>,
         judgement: &mut Judgement,
         cells: &mut [DamageCell],
     ) {
@@ -293,8 +300,9 @@ impl<'a> View<'a> {
         for (&(which, _), &scatter) in reference.setup.discriminators.iter().zip(&scores.scatter) {
             judgement.scatter[which as usize] = if reference.setup.is_own { f64::NAN } else { scatter };
         }
+        let sound = Sound::found(self.shoulder, &scores.is_inlier);
         if let Some(levels) = &reference.levels {
-            judgement.level = levels.times(self.shoulder);
+            judgement.level = levels.times(&sound);
         }
         if self.is_scatter_off {
             judgement.reasons.insert(Reasons::SCATTER_OFF);
@@ -302,7 +310,7 @@ impl<'a> View<'a> {
         if self.is_scatter_off && self.fitted.setup.is_own {
             judgement.reasons.insert(Reasons::SELF_REFERENCE);
         }
-        match reference.levels.as_ref().and_then(|levels| levels.probability(self.shoulder, other)) {
+        match reference.levels.as_ref().and_then(|levels| levels.probability(&sound, other)) {
             Some(probability) if probability < config.reject_rate => judgement.reasons.insert(Reasons::LEVEL_OFF),
             Some(_) => {}
             // Of a casing that is its own reference another reason says it, and locations in a line have no level in common.

@@ -10,7 +10,7 @@ use crate::index::{self, Index, Scores, Setup};
 use crate::shoulder::Shoulder;
 use crate::stats::mean_and_sd;
 use crate::verdict::supported::supported_rate;
-use crate::verdict::whole_shoulder::Levels;
+use crate::verdict::whole_shoulder::{Levels, Sound};
 
 /// Fewest values that tell how sound places scatter: by fewer, limits that pass sound shoulders pass strong cracks too
 /// (`docs/rates.md`).
@@ -69,7 +69,8 @@ impl FittedReference {
         let white = white::strongest_arcs(&statistic, ring, pattern, value_count)?;
         let values: Vec<f64> = strongest.iter().map(|(_, value)| *value).collect();
         let limits = Limits::by(&values, casing_count, white);
-        let levels = (!setup.is_own).then(|| Levels::fit(&setup, &all));
+        let told = || all.iter().zip(&scores).map(|(shoulder, scores)| Sound::found(shoulder, &scores.is_inlier));
+        let levels = (!setup.is_own).then(|| Levels::fit(&setup, &told().collect::<Vec<_>>()));
         Some(Self {
             setup,
             index,

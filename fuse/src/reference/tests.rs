@@ -379,6 +379,31 @@ fn few_casings_tell_no_level() {
 }
 
 #[test]
+fn a_crack_does_not_shift_the_level() {
+    // Catches a level that cracked places shift: the sound shoulder beside them would differ from it, and not pass.
+    let set = Arc::new(build_reference(&built(file()), sound(8)).unwrap());
+    for count in [30, 50, 70] {
+        let cracks = vec![(1, 0..count)];
+        let casing = Casing { shoulder_count: 2, repetition_count: 1, cracks, shift: 6.0, ..Casing::default() };
+        let plan = casing.plan();
+        for seed in 0..5 {
+            let mut fusion = Fusion::with_reference(&file(), &plan, Arc::clone(&set)).unwrap();
+            records(&casing, &plan, seed).iter().for_each(|record| fusion.push(record).unwrap());
+            for scan in 0..2 {
+                let (judgement, _) = fusion.judge(scan).unwrap();
+                let f_max = judgement.level[Discriminator::FMax as usize];
+                assert!(
+                    !judgement.reasons.contains(Reasons::LEVEL_OFF),
+                    "{count} {seed} {scan}: {}",
+                    judgement.reasons
+                );
+                assert!((f_max - 1.0).abs() < 0.02, "{count} {seed} {scan}: {f_max}");
+            }
+        }
+    }
+}
+
+#[test]
 fn the_level_is_told_as_a_multiple_of_the_reference() {
     // Catches a level beside another discriminator or turn, one of the logarithm of PR / (1 - PR), and one beside the casing itself.
     let set = Arc::new(build_reference(&built(file()), sound(8)).unwrap());

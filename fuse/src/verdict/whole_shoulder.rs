@@ -15,6 +15,31 @@ const FREE_OF_GAIN: [Discriminator; 3] = [Discriminator::FMax, Discriminator::Ta
 /// Fewest casings that a covariance of levels is taken from.
 pub(crate) const CASINGS_MIN: usize = 5;
 
+/// Fewest places that tell a level: one in so many.
+const PLACES_PART: usize = 5;
+
+/// A shoulder with the places that tell its level.
+#[derive(Debug)]
+pub(crate) struct Sound<'a> {
+    shoulder: &'a Shoulder,
+    is_sound: Vec<bool>,
+}
+
+impl<'a> Sound<'a> {
+    /// By all places that are not known to be cracked.
+    pub(crate) fn known(shoulder: &'a Shoulder) -> Self {
+        Self { shoulder, is_sound: shoulder.sound() }
+    }
+
+    /// By those of them that do not stand out either, so that a crack does not shift the level; by all where few are left.
+    pub(crate) fn found(shoulder: &'a Shoulder, is_inlier: &[bool]) -> Self {
+        let known = Self::known(shoulder);
+        let is_sound: Vec<bool> = known.is_sound.iter().zip(is_inlier).map(|(a, b)| *a && *b).collect();
+        let is_enough = PLACES_PART * is_sound.iter().filter(|is| **is).count() >= is_sound.len();
+        if is_enough { Self { shoulder, is_sound } } else { known }
+    }
+}
+
 /// The levels of sound shoulders.
 #[derive(Debug, Clone)]
 pub(crate) struct Levels {
@@ -40,14 +65,16 @@ impl Levels {
     /// What the shoulders of a reference teach.
     ///
     /// A shoulder that is known to be cracked at more than half of its places does not tell the level of a sound one.
-    pub(crate) fn fit(setup: &Setup, shoulders: &[&Shoulder]) -> Self {
-        let is_mostly_sound =
-            |shoulder: &&Shoulder| 2 * shoulder.sound().iter().filter(|is| **is).count() >= shoulder.place_count();
-        let shoulders: Vec<&Shoulder> = shoulders.iter().copied().filter(is_mostly_sound).collect();
+    pub(crate) fn fit(setup: &Setup, shoulders: &[Sound<'_>]) -> Self {
+        let is_mostly_sound = |of: &&Sound<'_>| {
+            let sound = of.shoulder.sound();
+            2 * sound.iter().filter(|is| **is).count() >= sound.len()
+        };
+        let shoulders: Vec<&Sound<'_>> = shoulders.iter().filter(is_mostly_sound).collect();
         let mean = |condition: usize, which: Discriminator| {
-            let turns = shoulders.iter().flat_map(|shoulder| shoulder.turns.iter().map(move |turn| (shoulder, turn)));
+            let turns = shoulders.iter().flat_map(|of| of.shoulder.turns.iter().map(move |turn| (*of, turn)));
             let turns = turns.filter(|(_, turn)| turn.condition == condition);
-            let levels: Vec<f64> = turns.filter_map(|(shoulder, turn)| level(shoulder, turn, which)).collect();
+            let levels: Vec<f64> = turns.filter_map(|(of, turn)| level(of, turn, which)).collect();
             levels.iter().sum::<f64>() / levels.len() as f64
         };
         let means = (0..setup.offset_of.len()).map(|c| Discriminator::ALL.map(|which| mean(c, which))).collect();
@@ -58,36 +85,36 @@ impl Levels {
 
     /// Mean over the turns of a shoulder of what `above` makes of their levels of `which` and of the reference's; `None` where
     /// none has a level.
-    fn mean(&self, shoulder: &Shoulder, which: Discriminator, above: impl Fn(f64, f64) -> f64) -> Option<f64> {
+    fn mean(&self, of: &Sound<'_>, which: Discriminator, above: impl Fn(f64, f64) -> f64) -> Option<f64> {
         // Of a second reading a few places are known, and those that stand out are many of them.
-        let whole = shoulder.turns.iter().filter(|turn| turn.controls.is_none());
+        let whole = of.shoulder.turns.iter().filter(|turn| turn.controls.is_none());
         let found = whole.filter_map(|turn| {
             let mean = self.means[turn.condition][which as usize];
-            Some(above(level(shoulder, turn, which)?, mean)).filter(|above| above.is_finite())
+            Some(above(level(of, turn, which)?, mean)).filter(|above| above.is_finite())
         });
         let (sum, count) = found.fold((0.0, 0_u32), |(sum, count), x| (sum + x, count + 1));
         (count > 0).then(|| sum / f64::from(count))
     }
 
     /// How far the levels of a shoulder lie above the reference's, as [`Turn::log`] has them; `None` where one has no level.
-    fn above(&self, shoulder: &Shoulder, discriminators: &[Discriminator]) -> Option<Vec<f64>> {
-        discriminators.iter().map(|&which| self.mean(shoulder, which, |level, mean| level - mean)).collect()
+    fn above(&self, of: &Sound<'_>, discriminators: &[Discriminator]) -> Option<Vec<f64>> {
+        discriminators.iter().map(|&which| self.mean(of, which, |level, mean| level - mean)).collect()
     }
 
     /// The level of each discriminator of a shoulder as a multiple of the reference's; NaN where it is not known.
-    pub(crate) fn times(&self, shoulder: &Shoulder) -> [f64; Discriminator::COUNT] {
+    pub(crate) fn times(&self, of: &Sound<'_>) -> [f64; Discriminator::COUNT] {
         Discriminator::ALL.map(|which| {
             let above = |level, mean| (value_of(which, level) / value_of(which, mean)).ln();
-            self.mean(shoulder, which, above).map_or(f64::NAN, f64::exp)
+            self.mean(of, which, above).map_or(f64::NAN, f64::exp)
         })
     }
 
-    /// The probability that a sound shoulder's levels lie as far off the reference's as those of `shoulder`, or from the
+    /// The probability that a sound shoulder's levels lie as far off the reference's as those of this one, or from the
     /// `other` shoulder of its casing, twice the smaller of the two; `None` where it has no levels, or too few casings tell.
-    pub(crate) fn probability(&self, shoulder: &Shoulder, other: Option<&Shoulder>) -> Option<f64> {
+    pub(crate) fn probability(&self, of: &Sound<'_>, other: Option<&Sound<'_>>) -> Option<f64> {
         let spread = self.spread.as_ref()?;
-        let above = |shoulder: &Shoulder| self.above(shoulder, &spread.discriminators);
-        let own = above(shoulder)?;
+        let above = |of: &Sound<'_>| self.above(of, &spread.discriminators);
+        let own = above(of)?;
         let (n, p) = (spread.casing_count as f64, spread.discriminators.len() as f64);
         // Hotelling's T^2 of a new observation. The shoulders of a casing are alike: casings count.
         let t_squared = distance(&spread.of_shoulder, &own)? * n / (n + 1.0);
@@ -104,20 +131,20 @@ impl Levels {
 
 impl Spread {
     /// By `shoulders`, whose means `levels` has; `None` of fewer than five casings, or where their levels do not vary.
-    fn fit(levels: &Levels, shoulders: &[&Shoulder]) -> Option<Self> {
+    fn fit(levels: &Levels, shoulders: &[&Sound<'_>]) -> Option<Self> {
         let has = |which: &Discriminator| {
-            shoulders.iter().all(|shoulder| shoulder.turns.iter().any(|turn| level(shoulder, turn, *which).is_some()))
+            shoulders.iter().all(|of| of.shoulder.turns.iter().any(|turn| level(of, turn, *which).is_some()))
         };
         let discriminators: Vec<Discriminator> = FREE_OF_GAIN.into_iter().filter(has).collect();
         let width = discriminators.len();
-        let casings: Vec<&[&Shoulder]> = shoulders.chunk_by(|a, b| a.casing == b.casing).collect();
+        let casings: Vec<&[&Sound<'_>]> = shoulders.chunk_by(|a, b| a.shoulder.casing == b.shoulder.casing).collect();
         if casings.len() < CASINGS_MIN || width == 0 {
             return None;
         }
-        let above = |shoulder: &Shoulder| levels.above(shoulder, &discriminators);
-        let of_shoulders: Option<Vec<Vec<f64>>> = shoulders.iter().map(|shoulder| above(shoulder)).collect();
+        let above = |of: &Sound<'_>| levels.above(of, &discriminators);
+        let of_shoulders: Option<Vec<Vec<f64>>> = shoulders.iter().map(|of| above(of)).collect();
         let of_shoulder = mean_square(&of_shoulders?, width)?;
-        let pairs = casings.iter().filter_map(|casing| <[&Shoulder; 2]>::try_from(*casing).ok());
+        let pairs = casings.iter().filter_map(|casing| <[&Sound<'_>; 2]>::try_from(*casing).ok());
         let differences: Option<Vec<Vec<f64>>> = pairs.map(|[a, b]| Some(minus(&above(a)?, &above(b)?))).collect();
         let of_difference = differences
             .filter(|differences| differences.len() >= CASINGS_MIN)
@@ -126,13 +153,9 @@ impl Spread {
     }
 }
 
-/// The median of `which` over the places of a turn of `shoulder` that are not known to be cracked.
-fn level(shoulder: &Shoulder, turn: &Turn, which: Discriminator) -> Option<f64> {
-    let known = turn
-        .log(which)
-        .iter()
-        .zip(&shoulder.is_cracked)
-        .filter(|(log, label)| log.is_finite() && **label != Some(true));
+/// The median of `which` over the places of a turn that tell the level of its shoulder.
+fn level(of: &Sound<'_>, turn: &Turn, which: Discriminator) -> Option<f64> {
+    let known = turn.log(which).iter().zip(&of.is_sound).filter(|(log, is_sound)| log.is_finite() && **is_sound);
     median(&mut known.map(|(log, _)| *log).collect::<Vec<f64>>())
 }
 
