@@ -17,7 +17,7 @@ use crate::config::reference::KeptReferences;
 use crate::line::setup::Setup;
 use crate::line::stage::{Used, Work};
 use crate::line::supervisor::Pace;
-use crate::shown::rig::{ASKS, Rigs, Spell};
+use crate::shown::rig::{ASKS, Rigs, StationSign};
 use crate::shown::verdict::ShoulderVerdict;
 use tapline_host::stdout::Stdout;
 
@@ -42,7 +42,7 @@ struct Summary {
     /// What the reference cannot support of the rates that are asked for; each text once.
     remarks: Vec<String>,
     /// Signs that the rigs of stations had changed.
-    rig: Vec<Spell>,
+    rig: Vec<StationSign>,
     /// How many archived taps have each flag.
     flags: Vec<(&'static str, usize)>,
     pace: PaceLine,
@@ -98,7 +98,7 @@ struct Sum {
     references: KeptReferences,
     rigs: Rigs,
     /// Signs of rigs that are over.
-    over: Vec<Spell>,
+    over: Vec<StationSign>,
     unfinished: usize,
     counts: [usize; 3],
     is_judged: bool,
@@ -194,7 +194,7 @@ fn add(sum: &mut Sum, job: &Job, name: &str, reader: &Reader) -> Result<()> {
         shoulders.map(|(scan, judged)| ShoulderVerdict::new(reader, scan, judged)).collect::<Result<_>>()?;
     let station = shoulders.first().map_or(0, |shoulder| shoulder.station);
     let of_each = shoulders.iter().map(|shoulder| (Reasons::named(&shoulder.reasons), &shoulder.whole));
-    sum.over.extend(sum.rigs.add(station, name, of_each).into_iter().filter(|spell| spell.is_over));
+    sum.over.extend(sum.rigs.add(station, name, of_each).into_iter().filter(|sign| sign.is_over));
     sum.verdicts.extend(shoulders);
     Ok(())
 }
@@ -272,7 +272,7 @@ fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
     }
     if !summary.rig.is_empty() {
         writeln!(out, "Casings have in common what speaks of the rig: {ASKS} (docs/rig.md):")?;
-        summary.rig.iter().try_for_each(|spell| writeln!(out, "  {spell}"))?;
+        summary.rig.iter().try_for_each(|sign| writeln!(out, "  {sign}"))?;
     }
     if let Some(auc) = &summary.auc {
         let text = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.4}"));
@@ -315,7 +315,7 @@ fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
 }
 
 /// The verdicts as a table; remarks that hold for all are named once, below it, and signs of a rig have their numbers there.
-fn print_verdicts(out: &mut impl io::Write, verdicts: &[ShoulderVerdict], rig: &[Spell]) -> Result<()> {
+fn print_verdicts(out: &mut impl io::Write, verdicts: &[ShoulderVerdict], rig: &[StationSign]) -> Result<()> {
     let holds_for_all = |name: &str| verdicts.iter().all(|verdict| verdict.reasons.split('|').any(|r| r == name));
     // Flags have shares, which differ. Of one shoulder all is simpler in its row.
     let remarks = Reasons::REMARKS.difference(Reasons::FLAGGED);
@@ -323,7 +323,7 @@ fn print_verdicts(out: &mut impl io::Write, verdicts: &[ShoulderVerdict], rig: &
     let common: Vec<&str> = remarks.map(|&(_, name)| name).filter(|name| holds_for_all(name)).collect();
     let mut table = table(["shoulder", "verdict", "arcs", "strongest / limit", "at", "why"]);
     let below = |station| -> Vec<&str> {
-        rig.iter().filter(|spell| spell.station == station).map(|spell| spell.sign.name.as_str()).collect()
+        rig.iter().filter(|sign| sign.station == station).map(|sign| sign.sign.name.as_str()).collect()
     };
     let of = |arc: f64, limit: Option<f64>| limit.map_or(format!("{arc:.2}"), |limit| format!("{arc:.2} / {limit:.2}"));
     for line in verdicts {

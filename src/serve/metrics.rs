@@ -1,5 +1,5 @@
-//! What a line has done and has room for, as numbers for Prometheus. Their labels are stations, stages, verdicts and discriminators: a line of
-//! given stations has the same series for ever.
+//! What a line has done and has room for, as numbers for Prometheus. Their labels are stations, stages, verdicts and
+//! discriminators: a line of given stations has the same series for ever.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fmt;

@@ -17,9 +17,6 @@ const MANY: usize = 4;
 /// A sign is over after so many casings in a row without it.
 const OVER_AFTER: usize = 3;
 
-/// Of a casing, from the first casing with a sign on: three in four must have it, or an odd one before was no beginning.
-const SINCE_PERCENT: usize = 75;
-
 /// Reasons that a changed rig gives to one casing after the other, as damage all round and another kind of casing do.
 const REASONS: [Reasons; 4] = [Reasons::LEVEL_OFF, Reasons::SCATTER_OFF, Reasons::FORCE_OFF, Reasons::FEATURES_ABSENT];
 
@@ -62,16 +59,16 @@ impl fmt::Display for Sign {
     }
 }
 
-/// A sign at a station that no longer has it, or still has.
+/// A sign of a station, which it still has unless it is over.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub(crate) struct Spell {
+pub(crate) struct StationSign {
     pub station: u16,
     #[serde(flatten)]
     pub sign: Sign,
     pub is_over: bool,
 }
 
-impl fmt::Display for Spell {
+impl fmt::Display for StationSign {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "station {}: {}", self.station, self.sign)
     }
@@ -109,7 +106,7 @@ impl Rigs {
         station: u16,
         casing: &str,
         shoulders: impl IntoIterator<Item = (Reasons, &'a Whole)>,
-    ) -> Vec<Spell> {
+    ) -> Vec<StationSign> {
         let shoulders = shoulders.into_iter().filter(|(reasons, _)| !reasons.intersects(INCOMPLETE));
         let (reasons, wholes): (Vec<Reasons>, Vec<&Whole>) = shoulders.unzip();
         if reasons.is_empty() || reasons.iter().any(|reasons| reasons.intersects(CRACKED)) {
@@ -118,7 +115,7 @@ impl Rigs {
         let whole = Whole::median(wholes.into_iter());
         let watch = self.stations.entry(station).or_default();
         let changed = watch.add(Seen { casing: casing.to_owned(), signs: signs(&reasons, &whole), whole });
-        changed.into_iter().map(|(sign, is_over)| Spell { station, sign, is_over }).collect()
+        changed.into_iter().map(|(sign, is_over)| StationSign { station, sign, is_over }).collect()
     }
 
     /// The signs that `station` has.
@@ -127,10 +124,10 @@ impl Rigs {
     }
 
     /// The signs that stations have.
-    pub(crate) fn all(&self) -> impl Iterator<Item = Spell> {
+    pub(crate) fn all(&self) -> impl Iterator<Item = StationSign> {
         let of = |(&station, watch): (&u16, &'_ RigWatch)| {
             let signs = watch.signs.clone().into_iter();
-            signs.map(move |sign| Spell { station, sign, is_over: false }).collect::<Vec<_>>()
+            signs.map(move |sign| StationSign { station, sign, is_over: false }).collect::<Vec<_>>()
         };
         self.stations.iter().flat_map(of)
     }
@@ -180,10 +177,10 @@ impl RigWatch {
             if having.len() < MANY || 2 * having.len() < self.last.len() {
                 continue;
             }
-            let is_since = |&(order, place): &(usize, &usize)| {
-                100 * (having.len() - order) >= SINCE_PERCENT * (self.last.len() - place)
-            };
-            let (order, &place) = having.iter().enumerate().find(is_since).unwrap_or((0, &having[0]));
+            // From its first casing on three in four have it: an odd one before them does not count.
+            let is_first =
+                |&(order, place): &(usize, &usize)| 4 * (having.len() - order) >= 3 * (self.last.len() - place);
+            let (order, &place) = having.iter().enumerate().find(is_first).unwrap_or((0, &having[0]));
             let sign = Sign {
                 name: name.to_owned(),
                 count: having.len() - order,
@@ -218,11 +215,11 @@ mod tests {
         let mut said = Vec::new();
         for (k, (reasons, whole)) in casings.iter().enumerate() {
             let changed = rigs.add(1, &format!("A-{k}"), [(*reasons, whole), (Reasons::default(), whole)]);
-            said.extend(
-                changed.iter().map(|spell| format!("A-{k} {} {spell}", if spell.is_over { "ends" } else { "begins" })),
-            );
+            said.extend(changed.iter().map(|of_station| {
+                format!("A-{k} {} {of_station}", if of_station.is_over { "ends" } else { "begins" })
+            }));
         }
-        said.extend(rigs.all().map(|spell| format!("has {spell}")));
+        said.extend(rigs.all().map(|of_station| format!("has {of_station}")));
         said
     }
 
@@ -248,8 +245,8 @@ mod tests {
         );
     }
 
-    /// Catches casings with damage or without all of their taps that speak of the rig, a gain that nobody is told of, and stations that are taken
-    /// together.
+    /// Catches casings with damage or without all of their taps that speak of the rig, a change of gain that makes no sign, and two
+    /// stations that are taken for one.
     #[test]
     fn a_sign_is_of_whole_casings_and_of_one_station() {
         let absent = Reasons::FEATURES_ABSENT;

@@ -69,8 +69,8 @@ impl FittedReference {
         let white = white::strongest_arcs(&statistic, ring, pattern, value_count)?;
         let values: Vec<f64> = strongest.iter().map(|(_, value)| *value).collect();
         let limits = Limits::by(&values, casing_count, white);
-        let told = || all.iter().zip(&scores).map(|(shoulder, scores)| Sound::found(shoulder, &scores.is_inlier));
-        let levels = (!setup.is_own).then(|| Levels::fit(&setup, &told().collect::<Vec<_>>()));
+        let sound = || all.iter().zip(&scores).map(|(shoulder, scores)| Sound::found(shoulder, &scores.is_inlier));
+        let levels = (!setup.is_own).then(|| Levels::fit(&setup, &sound().collect::<Vec<_>>()));
         Some(Self {
             setup,
             index,

@@ -141,10 +141,10 @@ impl Supervisor<'_> {
         let number = verdict.station;
         let shoulders = verdict.shoulders.iter().map(|s| (Reasons::named(&s.reasons), &s.whole));
         // A list says so at its end.
-        for spell in self.rigs.add(number, &verdict.casing, shoulders).iter().filter(|_| !self.is_list) {
-            match spell.is_over {
-                true => tracing::info!(station = number, "over: {}", spell.sign),
-                false => tracing::warn!(station = number, "{}: {ASKS}", spell.sign),
+        for of_station in self.rigs.add(number, &verdict.casing, shoulders).iter().filter(|_| !self.is_list) {
+            match of_station.is_over {
+                true => tracing::info!(station = number, "over: {}", of_station.sign),
+                false => tracing::warn!(station = number, "{}: {ASKS}", of_station.sign),
             }
         }
         let station = self.shown.stations.iter_mut().find(|station| station.number == number);

@@ -10,7 +10,7 @@ use crate::report::evidence::{Evidence, Tyre};
 use crate::report::figures::rig::{self, OfCasing};
 use crate::report::pages::page::figure;
 use crate::report::pages::words;
-use crate::shown::rig::{ASKS, Rigs, Spell};
+use crate::shown::rig::{ASKS, Rigs, StationSign};
 use crate::shown::whole::Whole;
 
 /// Most stations that are drawn.
@@ -20,7 +20,7 @@ const STATIONS_MOST: usize = 8;
 pub(crate) struct RigsOfShift<'a> {
     /// The casings of each station, in the order in which they were tapped, with what holds for them as a whole.
     stations: BTreeMap<u16, Vec<(&'a Tyre, Whole)>>,
-    spells: Vec<Spell>,
+    signs_of_stations: Vec<StationSign>,
 }
 
 impl<'a> RigsOfShift<'a> {
@@ -31,7 +31,7 @@ impl<'a> RigsOfShift<'a> {
             let station = tyre.stations().first().copied().unwrap_or_default();
             stations.entry(station).or_default().push((tyre, whole));
         }
-        let (mut rigs, mut spells) = (Rigs::default(), Vec::new());
+        let (mut rigs, mut signs_of_stations) = (Rigs::default(), Vec::new());
         for (&station, tyres) in &mut stations {
             // Where a time is not known, which is 0, the order of the archives stays.
             let first_ns = |tyre: &Tyre| tyre.taps().filter_map(|tap| tap.time_ns).filter(|&ns| ns != 0).min();
@@ -40,22 +40,21 @@ impl<'a> RigsOfShift<'a> {
             }
             for (tyre, _) in tyres {
                 let shoulders = tyre.shoulders.iter().map(|shoulder| (shoulder.reasons, &shoulder.whole));
-                spells.extend(
-                    rigs.add(station, tyre.serial.as_str(), shoulders).into_iter().filter(|spell| spell.is_over),
-                );
+                signs_of_stations
+                    .extend(rigs.add(station, tyre.serial.as_str(), shoulders).into_iter().filter(|sign| sign.is_over));
             }
         }
-        spells.extend(rigs.all());
-        Self { stations, spells }
+        signs_of_stations.extend(rigs.all());
+        Self { stations, signs_of_stations }
     }
 
     /// What should be looked at, for the top of the page; nothing if that is nothing.
     pub(crate) fn notice(&self) -> Markup {
         html! {
-            @if !self.spells.is_empty() {
+            @if !self.signs_of_stations.is_empty() {
                 div class="notice" role="note" {
                     p { strong { "Casings have in common what speaks of the rig." } " Before their verdicts are used, " (ASKS) "." }
-                    @for spell in &self.spells { p { "At " (spell) "." } }
+                    @for sign in &self.signs_of_stations { p { "At " (sign) "." } }
                 }
             }
         }
@@ -63,9 +62,9 @@ impl<'a> RigsOfShift<'a> {
 
     /// Level and scatter of each station over the shift; nothing where a few casings tell nothing.
     pub(crate) fn section(&self, evidence: &Evidence) -> Result<Markup> {
-        let has_spell = |station: u16| self.spells.iter().any(|spell| spell.station == station);
+        let has_sign = |station: u16| self.signs_of_stations.iter().any(|sign| sign.station == station);
         let mut order: Vec<(&u16, &Vec<(&Tyre, Whole)>)> = self.stations.iter().collect();
-        order.sort_by_key(|(station, _)| !has_spell(**station));
+        order.sort_by_key(|(station, _)| !has_sign(**station));
         let mut pictures = Vec::new();
         let mut drawn = 0;
         for (station, tyres) in order.iter().take(STATIONS_MOST) {
