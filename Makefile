@@ -45,7 +45,7 @@ demo: setup
 	target/demo/tapline report $(DEMO)/casings --force --out $(DEMO)/report
 	@echo "Each casing's archive is in $(DEMO)/casings; the result is $(DEMO)/verdicts.csv, with regions.csv, damage.csv and discriminators.csv beside it; read $(DEMO)/report/shift.html."
 
-# A scan through a sound card, which is a pipe here: two casings, in about three minutes once built.
+# A scan through a sound card, which is a pipe here: two casings, in about a minute once built.
 listen: setup
 	cargo build --release -p tapline
 	examples/listen/run.sh target/release/tapline $(LISTEN)

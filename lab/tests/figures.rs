@@ -1,4 +1,4 @@
-//! `figures`: the committed figures are those that the program draws.
+//! `tapline-lab figures`: the committed figures are those that the program draws.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -17,9 +17,11 @@ fn cells(path: &Path) -> Vec<Vec<String>> {
     text.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect()
 }
 
-/// Catches committed figures that went stale, one that is not written, and one without a file: numbers to 1e-6.
+/// Catches committed figures that went stale, one that is not written, and one without a file: numbers to 1e-6. And a picture that
+/// is no XML (an attribute twice), is too large to keep, or does not say what it shows.
 #[test]
 fn committed_figures_are_up_to_date() {
+    const BYTES_MOST: u64 = 60_000;
     let sandbox = Sandbox::new();
     let printed = sandbox.run("figures --out drawn").expect(0).out;
     assert_eq!(printed.lines().count(), 2 * NUMBERS.len(), "{printed}");
@@ -34,17 +36,9 @@ fn committed_figures_are_up_to_date() {
                 && drawn[..2] == kept[..2]
                 && drawn[4] == kept[4]
                 && (2..4).all(|i| (number(&drawn[i]) - number(&kept[i])).abs() <= 1e-6 * number(&kept[i]).abs());
-            assert!(is_same, "{name}: {kept:?} is now {drawn:?}: run `tapline figures --out docs/figures`");
+            assert!(is_same, "{name}: {kept:?} is now {drawn:?}: run `tapline-lab figures --out docs/figures`");
         }
     }
-}
-
-/// Catches a picture that is no XML (an attribute twice), is too large to keep, or does not say what it shows.
-#[test]
-fn pictures_are_small_and_whole() {
-    const BYTES_MOST: u64 = 60_000;
-    let sandbox = Sandbox::new();
-    sandbox.run("figures --out drawn").expect(0);
     for folder in [sandbox.path("drawn"), committed()] {
         for number in NUMBERS {
             let path = folder.join(format!("fig{number}.svg"));

@@ -1,4 +1,4 @@
-//! `tapline study`: what it says depends on the seed alone, is within its bounds, and is what the committed page says.
+//! `tapline-lab study`: what it says depends on the seed alone, is within its bounds, and is what the committed page says.
 
 use std::collections::BTreeSet;
 

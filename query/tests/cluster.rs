@@ -3,12 +3,10 @@
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
+
+use tapline_testing::waiting::until;
 
 use crate::sandbox::Sandbox;
-
-/// How long anything may take before a test fails.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A process that is killed when the test ends.
 pub(crate) struct Process(pub(crate) Child);
@@ -30,7 +28,7 @@ impl Process {
     /// Waits for its end, and returns its exit code.
     pub(crate) fn end(&mut self) -> Option<i32> {
         let mut code = None;
-        wait_until("a process ends", || {
+        until("a process ends", || {
             code = self.0.try_wait().unwrap();
             code.is_some()
         });
@@ -48,14 +46,6 @@ impl Drop for Process {
 
 pub(crate) fn signal(process: u32, name: &str) {
     assert!(Command::new("kill").args(["-s", name, &process.to_string()]).status().unwrap().success());
-}
-
-pub(crate) fn wait_until(what: &str, mut is_so: impl FnMut() -> bool) {
-    let end = Instant::now() + PATIENCE;
-    while !is_so() {
-        assert!(Instant::now() < end, "waited in vain until {what}");
-        std::thread::sleep(Duration::from_millis(20));
-    }
 }
 
 /// A scheduler and two executors.

@@ -7,8 +7,9 @@ use std::process::{Command, Stdio};
 use tapline_store::Reader;
 use tapline_testing::documents::{docs, text};
 use tapline_testing::python_with;
+use tapline_testing::waiting::until;
 
-use crate::cluster::{Process, signal, wait_until};
+use crate::cluster::{Process, signal};
 use crate::sandbox::{CASINGS, Sandbox};
 
 /// The page's block of Python.
@@ -49,7 +50,7 @@ fn the_program_of_the_page_survives_a_killed_worker() {
         let is_results = |name: &String| name.matches('.').count() == 2;
         all.into_iter().flatten().filter(is_results).collect::<BTreeSet<_>>()
     };
-    wait_until("two archives are judged", || results().len() >= 2);
+    until("two archives are judged", || results().len() >= 2);
     signal(workers(job.id())[0], "KILL");
     assert_eq!(job.end(), Some(0));
     let printed = fs::read_to_string(sandbox.path("printed")).unwrap();

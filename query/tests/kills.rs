@@ -4,7 +4,9 @@ use std::fs;
 use std::path::Path;
 use std::process::Stdio;
 
-use crate::cluster::{Cluster, Process, wait_until};
+use tapline_testing::waiting::until;
+
+use crate::cluster::{Cluster, Process};
 use crate::sandbox::{CASINGS, Sandbox, committed, contents};
 
 /// Seconds that an archive takes: long enough to kill something meanwhile.
@@ -26,7 +28,7 @@ pub(crate) fn wait_for_results(sandbox: &Sandbox, out: &str, count: usize) {
         let is_there = sandbox.path(out).is_dir() && sandbox.names(out).iter().any(|name| name.starts_with(".staging"));
         if is_there { contents_or_none(&sandbox.path(out)).iter().filter(is_result).count() } else { 0 }
     };
-    wait_until(&format!("{count} archives are judged"), || staged() >= count);
+    until(&format!("{count} archives are judged"), || staged() >= count);
 }
 
 /// Names of the plain files below `folder/.staging-*/files`, which come and go meanwhile.

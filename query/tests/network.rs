@@ -1,8 +1,9 @@
 //! A second network on this host, whose cable can be pulled.
 
 use std::fs;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 
+use tapline_testing::network::{Host, at, ip};
 use tapline_testing::skip;
 
 use crate::cluster::{Cluster, Process};
@@ -11,7 +12,7 @@ use crate::sandbox::{CASINGS, Sandbox, contents};
 
 /// A network namespace with a link to this one's; both go with it.
 struct Network {
-    name: String,
+    far: Host,
 }
 
 impl Network {
@@ -21,21 +22,17 @@ impl Network {
     /// `None`, and a skip, where this user may not make one.
     fn new() -> Option<Self> {
         let name = format!("tq{}", std::process::id());
-        let network = Self { name: name.clone() };
-        let (here, there) = (format!("{name}a"), format!("{name}b"));
-        let (at_here, at_there) = (format!("{}/24", Self::HERE), format!("{}/24", Self::THERE));
-        let steps = [
-            vec!["netns", "add", &name],
-            vec!["link", "add", &here, "type", "veth", "peer", "name", &there, "netns", &name],
-            vec!["address", "add", &at_here, "dev", &here],
-            vec!["link", "set", &here, "up"],
-            vec!["-n", &name, "address", "add", &at_there, "dev", &there],
-            vec!["-n", &name, "link", "set", &there, "up"],
-            vec!["-n", &name, "link", "set", "lo", "up"],
-        ];
-        for step in steps {
+        let network = Self { far: Host::new(name.clone())? };
+        for step in [
+            format!("link add {name}a type veth peer name {name}b netns {name}"),
+            format!("address add {}/24 dev {name}a", Self::HERE),
+            format!("link set {name}a up"),
+            format!("-n {name} address add {}/24 dev {name}b", Self::THERE),
+            format!("-n {name} link set {name}b up"),
+            format!("-n {name} link set lo up"),
+        ] {
             if !ip(&step) {
-                skip(&format!("this user cannot make a network: ip {}", step.join(" ")));
+                skip(&format!("this user cannot make a network: ip {step}"));
                 return None;
             }
         }
@@ -43,20 +40,14 @@ impl Network {
     }
 
     fn cut(&self) {
-        assert!(ip(&["link", "set", &format!("{}a", self.name), "down"]));
+        assert!(ip(&format!("link set {}a down", self.far.0)));
     }
 }
 
 impl Drop for Network {
     fn drop(&mut self) {
-        ip(&["netns", "delete", &self.name]);
-        ip(&["link", "delete", &format!("{}a", self.name)]);
+        ip(&format!("link delete {}a", self.far.0));
     }
-}
-
-fn ip(arguments: &[&str]) -> bool {
-    let mut command = Command::new("ip");
-    command.args(arguments).stderr(Stdio::null()).status().is_ok_and(|status| status.success())
 }
 
 /// Catches work that is lost behind a cut link, and a host that goes on behind it and spoils what is committed.
@@ -66,8 +57,8 @@ fn a_job_survives_a_link_that_is_cut() {
     let Some(network) = Network::new() else { return };
     let slow = sandbox.slow_tapline(SLEEP_S);
     let mut cluster = Cluster::start_at(&sandbox, &slow, Network::HERE, 1);
-    let mut far = Command::new("ip");
-    far.args(["netns", "exec", &network.name, env!("CARGO_BIN_EXE_tapline-query"), "executor", &cluster.engine]);
+    let mut far = at(&network.far.0);
+    far.args([env!("CARGO_BIN_EXE_tapline-query"), "executor", &cluster.engine]);
     far.args(["--bind", Network::THERE]).env("TAPLINE", &slow).env("TMPDIR", sandbox.path(".")).stderr(Stdio::null());
     cluster.executors.push(Process::start(&mut far));
     let mut whole = begin(&sandbox, &cluster, &slow, "whole");

@@ -6,9 +6,10 @@ use std::path::Path;
 use std::process::Stdio;
 
 use crate::bucket::Bucket;
-use crate::cluster::{Cluster, Process, wait_until};
+use crate::cluster::{Cluster, Process};
 use crate::sandbox::{CASINGS, Sandbox, TRUNCATED, committed, contents, tapline};
 use tapline_testing::program::Done;
+use tapline_testing::waiting::until;
 
 const ARCHIVES: &str = "s3://plant/2025";
 
@@ -124,7 +125,7 @@ fn a_job_in_a_bucket_leaves_what_it_leaves_in_a_folder() {
         Process::start(command.env("TAPLINE", &slow).stdout(Stdio::null()).stderr(errors))
     };
     let wait_for = |out: &str, count: usize| {
-        wait_until(&format!("{count} archives are judged"), || bucket.keys(out).len() >= count);
+        until(&format!("{count} archives are judged"), || bucket.keys(out).len() >= count);
     };
     // A client that is killed leaves results that do not count.
     let killed = begin("s3://plant/killed");
@@ -227,7 +228,7 @@ fn an_archive_that_is_replaced_meanwhile_ends_its_job() {
     let mut command = sandbox.command(&["reprocess", ARCHIVES, "--out", "s3://plant/again", "--files-per-task", "11"]);
     let errors = fs::File::create(sandbox.path("errors")).unwrap();
     let mut job = Process::start(command.env("TAPLINE", &slow).stdout(Stdio::null()).stderr(errors));
-    wait_until("an archive is judged", || !bucket.keys("again").is_empty());
+    until("an archive is judged", || !bucket.keys("again").is_empty());
     bucket.put(&sandbox, "in/1/SIM-0001.h5", "2025/2/SIM-0011.h5");
     assert_eq!(job.end(), Some(1));
     let said = fs::read_to_string(sandbox.path("errors")).unwrap();

@@ -74,9 +74,7 @@ fn blocks_come_back() {
 /// Catches a writer whose chunks have not the heads that the layout promises.
 #[test]
 fn what_is_written_today_has_heads() {
-    let _guard = crate::common::beside_others();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("today.h5");
+    let (_here, path) = new_path();
     write_blocks(&path);
     let samples = hdf5::File::open(&path).unwrap().dataset("taps/samples").unwrap();
     let bytes = std::fs::read(&path).unwrap();
@@ -91,10 +89,8 @@ fn what_is_written_today_has_heads() {
 /// it lies, was changed.
 #[test]
 fn a_beginning_is_proved_by_itself() {
-    let _guard = crate::common::beside_others();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("bent.h5");
-    let good = folder.path().join("good.h5");
+    let (_here, path) = new_path();
+    let good = path.with_file_name("good.h5");
     write_blocks(&good);
     let whole = std::fs::read(&good).unwrap();
     let samples = hdf5::File::open(&good).unwrap().dataset("taps/samples").unwrap();

@@ -1,10 +1,10 @@
 //! A small run: its plan, and records that depend on nothing but their plan row.
 
 use std::array::from_fn;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
-use tapline_store::{Result, Writer};
+use tapline_store::{Lineage, Result, Writer};
 use tapline_wire::{
     Channel, ChannelHeader, DamageCell, Discriminator, Discriminators, Geometry, Judgement, Plan, PlannedTap, Purpose,
     Quality, Reasons, RecordKind, Recording, SampleFormat, Samples, Serial, SourceKind, Stamp, TapHeader, TapId, Truth,
@@ -51,6 +51,12 @@ pub(crate) fn plan_with(recording: Recording, location_count: u32) -> Plan {
     }
     let truth: Truth = [((Serial::new("A\u{e9}-1").unwrap(), 1, 2), true)].into_iter().collect();
     Plan::new(Geometry::Ring, recording, taps, truth).unwrap()
+}
+
+/// Two rings of 60 locations with long records: enough to kill a writer amid them, and to fill a small disk.
+pub(crate) fn big_plan() -> Plan {
+    let recording = plan(SampleFormat::I16).recording;
+    plan_with(Recording { sample_count_max: 4096, ..recording }, 60)
 }
 
 /// Header of the tap in plan row `row`, with a record of `sample_count` samples a channel.
@@ -166,7 +172,7 @@ pub(crate) fn judgement(plan: &Plan, scan: u32) -> (Judgement, Vec<DamageCell>) 
 }
 
 /// Goes on with the archive at `path` or, where there is none, begins it.
-pub(crate) fn open_or_create(path: impl AsRef<std::path::Path>, plan: &Plan, config: &str) -> Result<Writer> {
+pub(crate) fn open_or_create(path: impl AsRef<Path>, plan: &Plan, config: &str) -> Result<Writer> {
     let path = path.as_ref();
     if path.exists() { Writer::resume(path, config) } else { Writer::create(path, plan, plan.taps().len(), config) }
 }
@@ -192,6 +198,13 @@ pub(crate) fn put_all(writer: &mut Writer) -> Result<()> {
         writer.put_judgement(scan, &verdict, &cells)?;
     }
     Ok(())
+}
+
+/// A finished archive at `path` with everything that there is.
+pub(crate) fn finished<'a>(path: &Path, plan: &Plan, lineage: impl Into<Lineage<'a>>) {
+    let mut writer = Writer::create(path, plan, plan.taps().len(), lineage).unwrap();
+    put_all(&mut writer).unwrap();
+    writer.finish().unwrap();
 }
 
 /// The bytes of `samples`.

@@ -6,22 +6,17 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use tapline_store::{Codec, Lineage, Reader, Writer};
-use tapline_wire::{Plan, Recording, SampleFormat, TapState};
+use tapline_wire::{SampleFormat, TapState};
 
 use crate::common::{
-    CONFIG, bytes, discriminators, header, new_path, open_or_create, plan, plan_with, put_all, samples,
+    CONFIG, big_plan, bytes, discriminators, header, new_path, open_or_create, plan, put_all, samples,
 };
 
 /// Names the archive to the test that is started again as the process to be killed.
 const VICTIM: &str = "TAPLINE_STORE_TEST_VICTIM";
 
-/// How many writers are killed; 50 when it is not set.
+/// How many writers are killed; 24 when it is not set.
 const TRIALS: &str = "TAPLINE_STORE_TEST_KILLS";
-
-fn big_plan() -> Plan {
-    let recording = plan(SampleFormat::I16).recording;
-    plan_with(Recording { sample_count_max: 4096, ..recording }, 60)
-}
 
 /// Not a test by itself: writes the archive named by [`VICTIM`] again and again until it is killed.
 #[test]
@@ -77,7 +72,7 @@ fn killed_at_any_time_it_opens_and_goes_on() {
     let _guard = crate::common::alone();
     let plan = big_plan();
     let mut survivors = 0;
-    let trial_count = std::env::var(TRIALS).map_or(50, |count| count.parse().unwrap());
+    let trial_count = std::env::var(TRIALS).map_or(24, |count| count.parse().unwrap());
     for trial in 0..trial_count {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.h5");

@@ -1,50 +1,13 @@
 //! A writer whose disk fails keeps what it was given and goes on afterwards.
 
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::path::Path;
 
 use tapline_store::{Codec, Lineage, Reader, Writer, verify};
-use tapline_wire::{Plan, Recording, SampleFormat};
+use tapline_testing::disk::Disk;
+use tapline_wire::Plan;
 
-use crate::common::{CONFIG, bytes, header, plan, plan_with, put, put_all, samples};
-
-fn big_plan() -> Plan {
-    let recording = plan(SampleFormat::I16).recording;
-    plan_with(Recording { sample_count_max: 4096, ..recording }, 60)
-}
-
-/// A small disk of its own, taken away when dropped.
-pub(crate) struct Disk(tempfile::TempDir);
-
-impl Disk {
-    /// `None`, with a notice, where none can be had.
-    pub(crate) fn new() -> Option<Self> {
-        let disk = Self(tempfile::tempdir().unwrap());
-        let mut mount = Command::new("mount");
-        mount.args(["-t", "tmpfs", "-o", "size=8m", "tmpfs"]).arg(disk.0.path()).stderr(Stdio::null());
-        let is_made = mount.status().is_ok_and(|status| status.success());
-        if !is_made {
-            tapline_testing::skip("no disk can be mounted here (it takes root)");
-        }
-        is_made.then_some(disk)
-    }
-
-    /// Fills the disk but for `free_bytes`, with a file that can be removed.
-    pub(crate) fn fill(&self, free_bytes: u64) -> PathBuf {
-        let path = self.0.path().join("ballast");
-        let disk = rustix::fs::statvfs(self.0.path()).unwrap();
-        let bytes = (disk.f_bavail * disk.f_frsize).saturating_sub(free_bytes);
-        fs::write(&path, vec![1; usize::try_from(bytes).unwrap()]).unwrap();
-        path
-    }
-}
-
-impl Drop for Disk {
-    fn drop(&mut self) {
-        Command::new("umount").arg("-l").arg(self.0.path()).status().unwrap();
-    }
-}
+use crate::common::{CONFIG, big_plan, bytes, header, new_path, put, put_all, samples};
 
 /// The archive at `path` is complete and every sample in it is the one that was put.
 fn assert_complete(path: &Path, plan: &Plan) {
@@ -65,8 +28,9 @@ fn a_disk_that_fills_again_and_again() {
     let _guard = crate::common::alone();
     let plan = big_plan();
     for (codec, flush_every) in [(Codec::Lz4, 1), (Codec::Lz4, 7), (Codec::Zstd, 30), (Codec::None, 5)] {
-        let Some(disk) = Disk::new() else { return };
-        let path = disk.0.path().join("run.h5");
+        let folder = tempfile::tempdir().unwrap();
+        let Some(disk) = Disk::at(&folder.path().join("disk"), "8m") else { return };
+        let path = folder.path().join("disk/run.h5");
         let mut writer = Writer::create(&path, &plan, plan.taps().len(), Lineage { codec, ..CONFIG.into() }).unwrap();
         let mut ballast = disk.fill(60_000);
         let mut failure_count = 0;
@@ -136,10 +100,8 @@ fn a_file_that_is_not_where_it_was() {
 /// Catches an archive gone on with although it is not the one that was left: an older copy of it under the same number.
 #[test]
 fn an_older_copy_is_not_gone_on_with() {
-    let _guard = crate::common::beside_others();
+    let (_here, path) = new_path();
     let plan = big_plan();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("run.h5");
     let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
     let older = fs::read(&path).unwrap();
     (0..5).for_each(|row| put(&mut writer, row).unwrap());
@@ -154,10 +116,9 @@ fn an_older_copy_is_not_gone_on_with() {
 /// Catches the writer that takes its own file for cut when the samples at its end give way to smaller ones.
 #[test]
 fn a_tap_at_the_end_may_become_smaller() {
-    let _guard = crate::common::beside_others();
-    let (folder, plan) = (tempfile::tempdir().unwrap(), big_plan());
-    let path = folder.path().join("run.h5");
-    let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
+    let (_here, path) = new_path();
+    let plan = big_plan();
+    let mut writer = Writer::create(path, &plan, plan.taps().len(), CONFIG).unwrap();
     for (attempt, is_quiet) in [(0, false), (1, true), (2, false), (3, true)] {
         let mut header = header(&plan, 3, 4096);
         header.id.attempt = attempt;

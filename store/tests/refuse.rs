@@ -4,26 +4,18 @@ use std::fs;
 use std::path::Path;
 
 use tapline_store::{Error, Lineage, Reader, Writer};
-use tapline_wire::{Plan, RecordKind, Recording, SampleFormat};
+use tapline_wire::{RecordKind, Recording, SampleFormat};
 
-use crate::common::{CONFIG, discriminators, header, judgement, new_path, plan, plan_of, put, put_all, samples};
-
-fn finished(path: &Path, plan: &Plan) {
-    let mut writer = Writer::create(path, plan, plan.taps().len(), CONFIG).unwrap();
-    put_all(&mut writer).unwrap();
-    writer.finish().unwrap();
-}
+use crate::common::{CONFIG, discriminators, finished, header, judgement, new_path, plan, plan_of, put, samples};
 
 /// Catches an archive that is gone on with under other options, or refused for a remark, and one that is overwritten.
 #[test]
 fn another_run_is_refused_with_both_values() {
-    let _guard = crate::common::beside_others();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("run.h5");
+    let (_here, path) = new_path();
     let given = plan(SampleFormat::I16);
-    finished(&path, &given);
+    finished(&path, &given, CONFIG);
 
-    let open = folder.path().join("open.h5");
+    let open = path.with_file_name("open.h5");
     let of = |config: &'static str, made_by| Lineage { made_by, ..config.into() };
     let made_by = "process.f_c_hz = 550.0\nprocess.f_hi_hz = 2000.0";
     drop(Writer::create(&open, &given, 0, of(CONFIG, made_by)).unwrap());
@@ -86,12 +78,10 @@ fn files_that_are_no_archive() {
 /// Catches a panic on, or trust in, a file that was cut anywhere.
 #[test]
 fn a_cut_file_is_refused() {
-    let _guard = crate::common::beside_others();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("run.h5");
-    finished(&path, &plan(SampleFormat::I16));
+    let (_here, path) = new_path();
+    finished(&path, &plan(SampleFormat::I16), CONFIG);
     let whole = fs::read(&path).unwrap();
-    let cut = folder.path().join("cut.h5");
+    let cut = path.with_file_name("cut.h5");
     for eighth in 0..8 {
         fs::write(&cut, &whole[..whole.len() * eighth / 8]).unwrap();
         let error = Reader::open(&cut).unwrap_err();
@@ -125,10 +115,9 @@ fn places_that_cannot_be_written() {
 /// Catches a record that would land in a row that is not its own, or read beyond its samples.
 #[test]
 fn records_that_do_not_belong_here() {
-    let _guard = crate::common::beside_others();
-    let folder = tempfile::tempdir().unwrap();
+    let (_here, path) = new_path();
     let given = plan(SampleFormat::I16);
-    let mut writer = Writer::create(folder.path().join("run.h5"), &given, given.taps().len(), CONFIG).unwrap();
+    let mut writer = Writer::create(path, &given, given.taps().len(), CONFIG).unwrap();
     let good = header(&given, 2, 32);
     let payload = samples(&good);
     let mut bad = [good; 7];
@@ -157,11 +146,9 @@ fn records_that_do_not_belong_here() {
 /// Catches results that are read beside other taps than those that they were computed from.
 #[test]
 fn results_of_other_taps_are_refused() {
-    let _guard = crate::common::beside_others();
-    let folder = tempfile::tempdir().unwrap();
-    let [path, results] = ["run.h5", "results.h5"].map(|name| folder.path().join(name));
-    let given = plan(SampleFormat::I16);
-    finished(&path, &given);
+    let (_here, path) = new_path();
+    let (results, given) = (path.with_file_name("results.h5"), plan(SampleFormat::I16));
+    finished(&path, &given, CONFIG);
     let raw = (path.as_path(), Reader::open(&path).unwrap().raw_digest().unwrap());
     Writer::results(&results, raw, &given, CONFIG.into()).unwrap().finish().unwrap();
     Reader::open(&results).unwrap();

@@ -5,7 +5,7 @@ use std::fs;
 use tapline_store::{Codec, Error, Lineage, ReadBuffer, Reader, Writer, repack, verify};
 use tapline_wire::{Quality, SampleFormat};
 
-use crate::common::{CONFIG, bytes, discriminators, header, judgement, plan, put_all, samples};
+use crate::common::{CONFIG, bytes, discriminators, finished, header, judgement, new_path, plan, put_all, samples};
 
 /// Everything but the samples.
 fn tables(reader: &Reader) -> String {
@@ -82,20 +82,15 @@ fn every_codec_gives_the_same_archive() {
 /// Catches a copy of damaged samples that looks whole, and a draft left behind.
 #[test]
 fn damage_is_not_copied() {
-    let _guard = crate::common::beside_others();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("run.h5");
-    let lineage = Lineage { codec: Codec::None, ..CONFIG.into() };
-    let mut writer = Writer::create(&path, &plan(SampleFormat::I16), 0, lineage).unwrap();
-    put_all(&mut writer).unwrap();
-    writer.finish().unwrap();
+    let (_here, path) = new_path();
+    finished(&path, &plan(SampleFormat::I16), Lineage { codec: Codec::None, ..CONFIG.into() });
     let file = hdf5::File::open(&path).unwrap();
     let at = file.dataset("taps/samples").unwrap().chunk_info(3).unwrap().addr as usize;
     drop(file);
     let mut bytes = fs::read(&path).unwrap();
     bytes[at + 9] ^= 1;
     fs::write(&path, bytes).unwrap();
-    let error = repack(&path, folder.path().join("to.h5"), Codec::Zstd).unwrap_err();
+    let error = repack(&path, path.with_file_name("to.h5"), Codec::Zstd).unwrap_err();
     assert!(error.to_string().contains("plan row 3"), "{error}");
-    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
 }

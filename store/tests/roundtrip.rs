@@ -6,7 +6,8 @@ use tapline_store::{Codec, Lineage, OwnedSamples, PutOutcome, Reader, Writer};
 use tapline_wire::{Ledger, Plan, Quality, SampleFormat, ScanState, TapState};
 
 use crate::common::{
-    CONFIG, begun, bytes, discriminators, header, judgement, new_path, open_or_create, plan, put, put_all, samples,
+    CONFIG, begun, bytes, discriminators, finished, header, judgement, new_path, open_or_create, plan, put, put_all,
+    samples,
 };
 
 /// Whether `reader` has what [`put_all`] puts.
@@ -34,9 +35,7 @@ fn everything_comes_back_bit_for_bit() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.h5");
         let plan = plan(format);
-        let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
-        put_all(&mut writer).unwrap();
-        writer.finish().unwrap();
+        finished(&path, &plan, CONFIG);
         let reader = Reader::open(&path).unwrap();
         assert_eq!(reader.plan(), &plan);
         assert_eq!(reader.truth(), plan.truth());
@@ -111,9 +110,7 @@ fn the_file_does_not_depend_on_the_order_of_arrival() {
 /// Two archives of the same run, packed by `codec`, whose records came in opposite orders.
 fn forward_and_backward(forward: &Path, backward: &Path, codec: Codec) -> [PathBuf; 2] {
     let plan = plan(SampleFormat::I16);
-    let mut writer = Writer::create(forward, &plan, plan.taps().len(), Lineage { codec, ..CONFIG.into() }).unwrap();
-    put_all(&mut writer).unwrap();
-    writer.finish().unwrap();
+    finished(forward, &plan, Lineage { codec, ..CONFIG.into() });
 
     let mut writer = Writer::create(backward, &plan, plan.taps().len(), Lineage { codec, ..CONFIG.into() }).unwrap();
     for row in (0..plan.taps().len() as u32).rev() {

@@ -1,19 +1,11 @@
 //! Verification finds what was bent on purpose, and nothing else.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use tapline_store::{Codec, Error, Lineage, Problem, Reader, Writer, verify};
 use tapline_wire::{SampleFormat, ScanState, TapState};
 
-use crate::common::{CONFIG, new_path, plan, put, put_all};
-
-fn finished(folder: &tempfile::TempDir) -> PathBuf {
-    let path = folder.path().join("run.h5");
-    let mut writer = Writer::create(&path, &plan(SampleFormat::I16), 0, CONFIG).unwrap();
-    put_all(&mut writer).unwrap();
-    writer.finish().unwrap();
-    path
-}
+use crate::common::{CONFIG, finished, new_path, plan, put, put_all};
 
 /// An archive in which all is, and which is not finished.
 fn unfinished(path: &Path, codec: Codec) {
@@ -26,13 +18,12 @@ fn unfinished(path: &Path, codec: Codec) {
 /// Catches a problem seen where there is none, and a run taken for complete that is not.
 #[test]
 fn a_whole_run_is_complete_and_a_part_is_not() {
-    let _guard = crate::common::beside_others();
-    let folder = tempfile::tempdir().unwrap();
-    let path = finished(&folder);
+    let (_here, path) = new_path();
+    finished(&path, &plan(SampleFormat::I16), CONFIG);
     let report = verify(&path).unwrap();
     assert!(report.is_complete(), "{report:?}");
 
-    let part = folder.path().join("part.h5");
+    let part = path.with_file_name("part.h5");
     let mut writer = Writer::create(&part, &plan(SampleFormat::I16), 0, CONFIG).unwrap();
     put(&mut writer, 1).unwrap();
     writer.finish().unwrap();
@@ -92,13 +83,12 @@ fn every_flipped_bit_is_found_where_it_is() {
 /// before the seal is checked.
 #[test]
 fn what_is_damaged_is_not_opened() {
-    let _guard = crate::common::beside_others();
-    let folder = tempfile::tempdir().unwrap();
-    let path = finished(&folder);
+    let (_here, path) = new_path();
+    finished(&path, &plan(SampleFormat::I16), CONFIG);
     let whole = std::fs::read(&path).unwrap();
     let samples: Vec<usize> =
         places(&path).into_iter().filter(|(_, name, _)| *name == "taps/samples").map(|(at, ..)| at).collect();
-    let bent = folder.path().join("bent.h5");
+    let bent = path.with_file_name("bent.h5");
     for at in (0..whole.len()).step_by(211) {
         let mut bytes = whole.clone();
         bytes[at] ^= 16;
@@ -129,13 +119,11 @@ fn what_is_damaged_is_not_opened() {
 /// Catches an archive that is not finished and is taken for one that is, or is gone on with after it was finished.
 #[test]
 fn what_is_finished_is_told_from_what_is_not() {
-    let _guard = crate::common::beside_others();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("run.h5");
+    let (_here, path) = new_path();
     unfinished(&path, Codec::Lz4);
     assert!(matches!(Reader::open(&path), Err(Error::NotFinished { .. })));
     assert!(!Reader::open_unfinished(&path).unwrap().is_finished() && !verify(&path).unwrap().is_complete());
-    let named = folder.path().join("done/A.h5");
+    let named = path.with_file_name("done/A.h5");
     let writer = Writer::resume(&path, CONFIG).unwrap();
     assert!(writer.is_complete());
     let finishing = writer.finish_at(&named).unwrap();

@@ -8,7 +8,7 @@ use tapline_store::{OwnedSamples, Reader};
 use tapline_wire::{CacheLine, Discriminator, SourceKind, TapHeader, TapState, cache_lines_for};
 
 use crate::sandbox::Sandbox;
-use crate::sandbox::archives::{Contents, assert_same, bend, contents, table_bytes};
+use crate::sandbox::archives::{Contents, assert_same, bend, contents, part_of, table_bytes};
 use crate::sandbox::recordings;
 use tapline_testing::documents::csv_rows;
 
@@ -143,15 +143,7 @@ fn missing_taps_are_said_to_be_missing() {
     let sandbox = run();
     // Half a casing: the plan has two shoulders, and the first has taps.
     let whole = Reader::open(sandbox.path("run.h5")).unwrap();
-    let mut writer =
-        tapline_store::Writer::create(sandbox.path("half.h5"), whole.plan(), whole.plan().taps().len(), whole.config())
-            .unwrap();
-    for (row, found) in (0..62).zip(whole.discriminators().unwrap()) {
-        let (header, samples) = whole.tap(row).unwrap().unwrap();
-        writer.put_tap(&header, samples.as_samples().as_bytes()).unwrap();
-        writer.put_discriminators(&found.unwrap()).unwrap();
-    }
-    writer.finish().unwrap();
+    part_of(&whole, sandbox.path("half.h5"), 0..62, |_, _| ());
     let done = sandbox.run("export half.h5 taps --out set").expect(3);
     assert_eq!(done.out, "set: 62 taps written, 0 refused, 62 missing; taps.csv lists them with the reason\n");
     sandbox.run("run --taps set --config set/config.toml --out again").expect(3);
@@ -203,12 +195,7 @@ fn bend_samples(archive: &Path, row: usize) {
 fn nothing_that_can_be_read_is_no_export() {
     let sandbox = run();
     let whole = Reader::open(sandbox.path("run.h5")).unwrap();
-    let mut writer =
-        tapline_store::Writer::create(sandbox.path("one.h5"), whole.plan(), whole.plan().taps().len(), "").unwrap();
-    let (header, samples) = whole.tap(0).unwrap().unwrap();
-    writer.put_tap(&header, samples.as_samples().as_bytes()).unwrap();
-    writer.put_discriminators(&whole.discriminators().unwrap()[0].unwrap()).unwrap();
-    writer.finish().unwrap();
+    part_of(&whole, sandbox.path("one.h5"), 0..1, |_, _| ());
     bend_samples(&sandbox.path("one.h5"), 0);
     for format in ["wav", "uff", "mat"] {
         let done = sandbox.run(&format!("export one.h5 taps --format {format} --out {format}")).expect(1);
@@ -222,19 +209,13 @@ fn nothing_that_can_be_read_is_no_export() {
 fn scales_are_kept_tap_by_tap() {
     let sandbox = run();
     let whole = Reader::open(sandbox.path("run.h5")).unwrap();
-    let mut writer =
-        tapline_store::Writer::create(sandbox.path("mixed.h5"), whole.plan(), whole.plan().taps().len(), "").unwrap();
     let mut headers = Vec::new();
-    for (row, found) in (0..4).zip(whole.discriminators().unwrap()) {
-        let (mut header, samples) = whole.tap(row).unwrap().unwrap();
+    part_of(&whole, sandbox.path("mixed.h5"), 0..4, |row, header| {
         header.channels[0].unit_per_count /= f64::from(row % 3 + 1);
         header.channels[1].unit_per_count *= if row == 3 { 0.7 } else { 1.0 };
         header.microphone_distance_m += f64::from(row) / 30.0;
-        writer.put_tap(&header, samples.as_samples().as_bytes()).unwrap();
-        writer.put_discriminators(&found.unwrap()).unwrap();
-        headers.push(header);
-    }
-    writer.finish().unwrap();
+        headers.push(*header);
+    });
     sandbox.run("export mixed.h5 taps --out set").expect(3);
     let mut set = TapSet::open(&sandbox.path("set"), 1).unwrap();
     let mut buffer = vec![CacheLine::default(); cache_lines_for(set.plan().recording.payload_bytes_max())];
@@ -267,11 +248,7 @@ fn what_cannot_be_exported_is_said() {
     fails("export run.h5 taps --out run.h5/set", &["run.h5"]);
     assert_eq!(fs::read_to_string(sandbox.path("full/mine.txt")).unwrap(), "mine");
 
-    let reader = Reader::open(sandbox.path("run.h5")).unwrap();
-    tapline_store::Writer::create(sandbox.path("none.h5"), reader.plan(), reader.plan().taps().len(), "")
-        .unwrap()
-        .finish()
-        .unwrap();
+    part_of(&Reader::open(sandbox.path("run.h5")).unwrap(), sandbox.path("none.h5"), 0..0, |_, _| ());
     fails("export none.h5 taps --out x", &["none.h5", "none of its 124"]);
     assert!(!sandbox.path("x").exists());
     fs::create_dir(sandbox.path("empty")).unwrap();

@@ -124,7 +124,7 @@ fn a_damaged_file_among_many_is_named_and_the_others_are_done() {
     // Nor is an empty file passed over: an archive that a copy never reached.
     fs::write(sandbox.path("empty.h5"), "").unwrap();
     let empty = sandbox.run("verify empty.h5 --json").expect(3).out;
-    assert!(empty.contains("empty.h5 is not an HDF5 file\"") && empty.contains("\"is_complete\": false"), "{empty}");
+    assert!(empty.contains("empty.h5 is not an HDF5 file\"") && empty.contains("\"is_complete\":false"), "{empty}");
     with_one_damaged("report out --out pages");
     assert_eq!(names(&sandbox.path("pages")), ["shift.html", "tyre-SIM-0001.html", "tyre-SIM-0003.html"]);
     with_one_damaged("explain out");

@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 use std::fs;
 
-use tapline_store::{Reader, Writer};
+use tapline_store::Reader;
 
 use crate::sandbox::Sandbox;
+use crate::sandbox::archives::part_of;
 use crate::sandbox::recordings::write_wav;
 use tapline_testing::documents::csv_rows;
 
@@ -218,15 +219,7 @@ fn the_same_archive_gives_the_same_bytes() {
 fn what_is_incomplete_is_shown() {
     let sandbox = scanned();
     // Half a casing: the plan has two shoulders, and the first has taps.
-    let whole = Reader::open(sandbox.path("cracked.h5")).unwrap();
-    let mut writer =
-        Writer::create(sandbox.path("part.h5"), whole.plan(), whole.plan().taps().len(), whole.config()).unwrap();
-    for (row, found) in (0..244).zip(whole.discriminators().unwrap()) {
-        let (header, samples) = whole.tap(row).unwrap().unwrap();
-        writer.put_tap(&header, samples.as_samples().as_bytes()).unwrap();
-        writer.put_discriminators(&found.unwrap()).unwrap();
-    }
-    writer.finish().unwrap();
+    part_of(&Reader::open(sandbox.path("cracked.h5")).unwrap(), sandbox.path("part.h5"), 0..244, |_, _| ());
     sandbox.run("report part.h5").expect(0);
     let pages = pages(&sandbox, "part-report");
     for (name, text) in &pages {
@@ -275,13 +268,4 @@ fn a_line_is_a_strip() {
     sandbox.run("report tyre --out tyre-report").expect(0);
     let text = page(&sandbox, "tyre-report/tyre-slab.html");
     assert!(text.contains("<h1>Tyre slab</h1>") && !text.contains('°') && !text.contains("start mark"));
-}
-
-/// Catches a file that is not an archive but is read as one, and a folder that is created for nothing.
-#[test]
-fn what_is_no_archive_leaves_nothing() {
-    let sandbox = Sandbox::new();
-    sandbox.write("none.h5", "nothing");
-    let done = sandbox.run("report none.h5").expect(1);
-    assert!(done.err.contains("none.h5") && !sandbox.path("none-report").exists(), "{done:?}");
 }

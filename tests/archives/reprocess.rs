@@ -217,14 +217,14 @@ fn an_archive_that_is_cut_meanwhile_is_reported() {
     let sandbox = Sandbox::new();
     let archive = scanned(&sandbox);
     // Later and later, until the taps are being read.
-    let mut pause = Duration::from_millis(2);
+    let mut pause = Duration::from_millis(12);
     let was_reported = (0..40).any(|round| {
         let cut = sandbox.path(&format!("cut-{round}.h5"));
         fs::copy(&archive, &cut).unwrap();
         let mut command = sandbox.command(&format!("reprocess cut-{round}.h5 --from-samples --jobs 2"));
         let child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
         sleep(pause);
-        pause = pause.mul_f64(1.1);
+        pause = pause.mul_f64(1.15);
         OpenOptions::new().write(true).open(&cut).unwrap().set_len(20_000).unwrap();
         let done = child.wait_with_output().unwrap();
         let said = String::from_utf8_lossy(&done.stderr);
@@ -232,7 +232,7 @@ fn an_archive_that_is_cut_meanwhile_is_reported() {
         let is_reported = done.status.code() != Some(0);
         assert!(!is_reported || said.contains(&format!("cut-{round}")), "{said}");
         // The first ones are truncated before they are opened.
-        is_reported && round > 20
+        is_reported && round > 3
     });
     assert!(was_reported, "it was never cut while it was read");
 }

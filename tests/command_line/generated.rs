@@ -37,9 +37,11 @@ fn every_verb_has_a_manual_page() {
     assert!(!sandbox.path("pages/tapline-stage.1").exists(), "nobody starts a stage");
 }
 
-/// Catches an example that no run takes.
+/// Catches an example that no run takes, and a configuration that is wrong and is taken, or is refused without the name of what is
+/// wrong.
 #[test]
 fn the_example_of_a_configuration_is_one() {
+    const PLACE: &str = "wrong.toml is not a configuration: TOML parse error at line";
     let sandbox = Sandbox::new();
     sandbox.write("example.toml", &sandbox.run("config --example").expect(0).out);
     let needs = ["`tapline line` needs at least one [[station]]\n", "`tapline line` needs a [fuse] reference\n"];
@@ -56,22 +58,34 @@ fn the_example_of_a_configuration_is_one() {
     }
     sandbox.write("none.json", "{}");
     for (wrong, named) in [
-        ("[fuse]\nre_inspect_rate = 2.0\n", "re_inspect_rate"),
-        ("[fuse]\nreference = \"nowhere.json\"\n", "cannot read the reference nowhere.json"),
-        ("[fuse]\nreference = \"none.json\"\n", "cannot use the reference none.json"),
-        ("[scan]\nlocations = 0\n", "scan.locations is 0"),
-        ("[simulation]\nsample_count = 1\n", "sample_count"),
-        ("[capture]\nbits = 20\n", "capture.bits is 20"),
-        ("[line]\non_verdict = \"\"\n", "line.on_verdict = \"\""),
-        ("[[station]]\nnumber = 1\nsource = \"simulated\"\ncasings = 0\n", "station[0].casings is 0"),
-        ("[[scan.tyre]]\nserial = \"S\"\nstation = 1\ncrack = [{ depth_mm = 900.0 }]\n", "crack 1: depth_mm is 900"),
+        ("[fuse]\nre_inspect_rate = 2.0\n", &["re_inspect_rate"][..]),
+        ("[fuse]\nreference = \"nowhere.json\"\n", &["cannot read the reference nowhere.json"]),
+        ("[fuse]\nreference = \"none.json\"\n", &["cannot use the reference none.json"]),
+        ("[process]\nf_c_hz = -1.0\n", &["wrong.toml", "process.f_c_hz = -1 Hz"]),
+        ("[scan]\nlocations = 0\n", &["scan.locations is 0"]),
+        ("[scan]\nrepetitions = 0\n", &["scan.repetitions is 0"]),
+        ("[acquire]\ntaps_per_s = 0.0\n", &["acquire.taps_per_s is 0"]),
+        ("[simulation]\nsample_count = 1\n", &["sample_count"]),
+        ("[capture]\nbits = 20\n", &["capture.bits is 20"]),
+        ("[line]\non_verdict = \"\"\n", &["line.on_verdict = \"\""]),
+        ("[[station]]\nnumber = 1\nsource = \"simulated\"\ncasings = 0\n", &["station[0].casings is 0"]),
+        ("[[scan.tyre]]\nserial = \"S\"\nstation = 1\ncrack = [{ depth_mm = 900.0 }]\n", &["crack 1: depth_mm is 900"]),
+        // Of these the place in the file is shown, which takes lines.
+        ("[fuse]\nindex = \"fusde\"\n", &[PLACE, "unknown variant `fusde`", "`fused`"]),
+        ("[process.quality]\nsnr_least = 1.0\n", &[PLACE, "unknown field `snr_least`", "snr_min"]),
+        ("[scam]\n", &[PLACE, "scam"]),
+        ("[scan\n", &[PLACE, "[scan"]),
     ] {
         sandbox.write("wrong.toml", wrong);
         for verb in ["config --check wrong.toml", "run --config wrong.toml --out none"] {
             let done = sandbox.run(verb).expect(1);
-            assert!(done.err.contains(named) && done.err.lines().count() == 1, "{verb}: {}", done.err);
+            assert!(named.iter().all(|part| done.err.contains(part)), "{verb}: {}", done.err);
+            assert!(done.err.lines().count() == 1 || named[0] == PLACE, "{verb}: {}", done.err);
+            assert!(!sandbox.path("none").exists(), "{verb}: {wrong}");
         }
     }
+    let done = sandbox.run("run --config gone.toml --out none").expect(1);
+    assert!(done.err.contains("gone.toml") && !sandbox.path("none").exists(), "{done:?}");
     // A tyre of another station than there are as yet: `--stations` may tell.
     sandbox.write("two.toml", "[[scan.tyre]]\nserial = \"S\"\nstation = 2\n");
     let said = sandbox.run("config --check two.toml").expect(0).out;
@@ -80,6 +94,8 @@ fn the_example_of_a_configuration_is_one() {
     sandbox.write("other.toml", "[fuse]\nreference = \"A-17/1\"\n");
     let said = sandbox.run("config --check other.toml").expect(0).out;
     assert!(said.contains("`tapline run` takes it for recorded taps alone: the reference is A-17/1"), "{said}");
+    let done = sandbox.run("run --config other.toml --out none").expect(1);
+    assert!(done.err.contains("the reference is A-17/1") && !sandbox.path("none").exists(), "{done:?}");
     // A line may be given its reference later; the rest is checked all the same.
     sandbox.write("other.toml", &format!("{station}[process]\nf_top_hz = 50000.0\n"));
     let said = sandbox.run("config --check other.toml").expect(0);

@@ -99,7 +99,8 @@ fn a_standard_output_that_cannot_be_written_is_told_once() {
         drop(reader);
         Done::from(sandbox.plain(command).stdout(writer).output().unwrap())
     };
-    let prints = ["explain x", "diff x x", "export x verdicts", "config --example", "model table 4"];
+    let prints =
+        ["explain x", "diff x x", "export x verdicts", "export x discriminators", "config --example", "model table 4"];
     for command in prints {
         let done = to_closed(command).expect(0);
         assert_eq!(done.err, "", "{command}");

@@ -1,4 +1,4 @@
-//! The command line: usage, configuration, and the dissertation's tables.
+//! The command line: usage, files that are read and written, and the dissertation's tables.
 
 use std::fs;
 use std::io::{Read as _, Write as _};
@@ -22,43 +22,27 @@ fn wrong_usage_has_its_own_exit_code() {
     }
 }
 
+/// Catches a file that is absent or no archive and is taken for one, an error that does not name it, or names its cause twice or not
+/// at all, and a folder that is made for nothing.
 #[test]
-fn a_configuration_is_refused_by_name_of_what_is_wrong() {
-    let sandbox = Sandbox::new();
-    for (text, parts) in [
-        ("[process]\nf_hi = 2000.0\n", &["f_hi", "c.toml"][..]),
-        ("[fuse]\nindex = \"fusde\"\n", &["fusde", "fused"]),
-        ("[process]\nf_c_hz = -1.0\n", &["f_c_hz", "-1"]),
-        ("[fuse]\nreference = \"X/1\"\n", &["X/1"]),
-        ("[scan]\nrepetitions = 0\n", &["scan.repetitions", "0"]),
-        ("[acquire]\ntaps_per_s = 0.0\n", &["acquire.taps_per_s", "0"]),
-        ("[process.quality]\nsnr_least = 1.0\n", &["c.toml", "unknown field `snr_least`", "snr_min"]),
-        ("[scam]\n", &["scam"]),
-        ("[scan\n", &["c.toml"]),
-    ] {
-        sandbox.write("c.toml", text);
-        let done = sandbox.run("run --config c.toml --out x").expect(1);
-        for part in parts {
-            assert!(done.err.contains(part), "{part:?} is not in {:?}", done.err);
-        }
-        assert!(!sandbox.path("x").exists(), "{text}");
-    }
-    let done = sandbox.run("run --config none.toml").expect(1);
-    assert!(done.err.contains("none.toml"), "{done:?}");
-}
-
-#[test]
-fn an_archive_that_is_none_is_refused_by_name() {
+fn what_is_no_archive_is_told_by_name() {
+    const ABSENT: &str = "No such file or directory";
     let sandbox = Sandbox::new();
     sandbox.write("text.h5", "not an archive");
-    for arguments in ["export text.h5 ledger", "verify absent.h5", "export absent.h5 ledger"] {
-        let name = arguments.split(' ').nth(1).unwrap();
-        let done = sandbox.run(arguments).expect(1);
-        assert!(done.err.contains(name), "{done:?}");
+    for (command, code, message) in [
+        ("export absent.h5 verdicts", 1, ABSENT),
+        ("verify absent.h5", 1, ABSENT),
+        ("export text.h5 ledger", 1, "text.h5 is not an HDF5 file"),
+        ("report text.h5", 1, "text.h5 is not an HDF5 file"),
+        // What stands in an archive's place is a finding of verify, not a fault of the command.
+        ("verify text.h5", 3, "text.h5: UNREADABLE"),
+    ] {
+        let done = sandbox.run(command).expect(code);
+        let said = if code == 1 { &done.err } else { &done.out };
+        let name = command.split(' ').nth(1).unwrap();
+        assert!(said.contains(name) && said.matches(message).count() == 1, "{command}: {done:?}");
     }
-    // What stands in an archive's place is a finding of verify, not a fault of the command.
-    let done = sandbox.run("verify text.h5").expect(3);
-    assert!(done.out.contains("text.h5: UNREADABLE"), "{done:?}");
+    assert!(!sandbox.path("text-report").exists());
 }
 
 /// A table must not be written over the archive it comes from.
@@ -149,20 +133,6 @@ fn an_export_writes_to_pipes_and_where_links_lead() {
     }
 }
 
-/// `export | head` is no failure.
-#[test]
-fn a_reader_that_leaves_is_no_failure() {
-    let sandbox = Sandbox::new();
-    sandbox.write(
-        "c.toml",
-        "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.0]\nrepetitions = 9\n[simulation]\nsample_count = 1024\n",
-    );
-    sandbox.run("run --config c.toml --out x").expect(0);
-    let mut export = sandbox.start("export x/SIM-0001.h5 discriminators");
-    drop(export.stdout.take());
-    assert_eq!(export.wait().unwrap().code(), Some(0));
-}
-
 /// All cells of Tables 4-6 and 8-10 are within 1e-6 relative, those of Table 11 within its rounding.
 #[test]
 fn the_dissertations_tables() {
@@ -190,15 +160,4 @@ fn the_dissertations_tables() {
         assert_ne!(sandbox.run(&format!("model table {number} --effective-length table1")).expect(0).out, "");
     }
     sandbox.run("model table 7").expect(1);
-}
-
-/// Catches an error that names its cause twice, or not at all.
-#[test]
-fn a_cause_is_printed_once() {
-    let sandbox = Sandbox::new();
-    for arguments in ["export nothere.h5 verdicts", "verify nothere.h5"] {
-        let done = sandbox.run(arguments).expect(1);
-        assert_eq!(done.err.matches("No such file or directory").count(), 1, "{done:?}");
-        assert!(done.err.contains("nothere.h5"), "{done:?}");
-    }
 }

@@ -23,17 +23,16 @@ repetitions = 2
 locations = 40
 confirm = false
 ";
-const TAPS_A_STATION: f32 = 164.0;
 
 /// A pace at which a run lasts some seconds, so that there is time to kill, even on a busy machine.
 const TAPS_PER_S: f32 = 60.0;
 
-fn paced() -> String {
-    format!("{SCAN}\n[acquire]\ntaps_per_s = {TAPS_PER_S:.1}\n")
+fn paced(scan: &str, taps_per_s: f32) -> String {
+    format!("{scan}\n[acquire]\ntaps_per_s = {taps_per_s:.1}\n")
 }
 
-fn undisturbed(sandbox: &Sandbox) -> BTreeMap<String, Contents> {
-    sandbox.write("quick.toml", SCAN);
+fn undisturbed(sandbox: &Sandbox, scan: &str) -> BTreeMap<String, Contents> {
+    sandbox.write("quick.toml", scan);
     sandbox.run("run --config quick.toml --out quick").expect(0);
     casings(&sandbox.path("quick"))
 }
@@ -54,17 +53,25 @@ fn second_acquire() -> &'static str {
     if std::thread::available_parallelism().unwrap().get() > 1 { "acquire-1" } else { "acquire-0" }
 }
 
-/// Starts a paced run and waits until it is well under way.
-fn start(sandbox: &Sandbox) -> Child {
-    sandbox.write("paced.toml", &paced());
-    let line = sandbox.start("run --config paced.toml --out paced --json");
+/// Waits until more than `count` taps of the paced run are settled, and returns how many are; `None` if they never are.
+fn settled_beyond(sandbox: &Sandbox, count: u64) -> Option<u64> {
     let deadline = Instant::now() + Duration::from_secs(30);
     while Instant::now() < deadline {
         let status = sandbox.run("status --out paced --json");
-        if serde_json::from_str::<serde_json::Value>(&status.out).is_ok_and(|s| s["settled_count"].as_u64() > Some(20))
-        {
-            return line;
+        let status: serde_json::Value = serde_json::from_str(&status.out).unwrap_or_default();
+        if let Some(settled) = status["settled_count"].as_u64().filter(|&settled| settled > count) {
+            return Some(settled);
         }
+    }
+    None
+}
+
+/// Starts a paced run and waits until it is well under way.
+fn start(sandbox: &Sandbox, taps_per_s: f32) -> Child {
+    sandbox.write("paced.toml", &paced(SCAN, taps_per_s));
+    let line = sandbox.start("run --config paced.toml --out paced --json");
+    if settled_beyond(sandbox, 20).is_some() {
+        return line;
     }
     panic!(
         "no taps have come: {:?}",
@@ -79,56 +86,39 @@ fn finish(line: Child) -> Done {
     Done::from(line.wait_with_output().unwrap())
 }
 
-fn kill_and_compare(victims: &[&str]) {
+/// Catches a tap that is lost, a result that changes, and a stage that is not started again, or is twice, when one stage or two at
+/// once are killed while all else works.
+#[test]
+fn stages_are_killed_alone_and_by_twos() {
     let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox);
-    let line = start(&sandbox);
-    let pids: Vec<i32> = victims.iter().map(|words| stage(&line, words)).collect();
-    for pid in pids {
-        signal(pid, Signal::KILL);
+    let expected = undisturbed(&sandbox, SCAN);
+    // Slower than the others: after each kill some taps must come before the next.
+    let line = start(&sandbox, TAPS_PER_S / 2.0);
+    let groups: [&[&str]; 6] =
+        [&["process"], &["fuse"], &["store"], &["acquire-0"], &["store", "process"], &["fuse", second_acquire()]];
+    let mut settled = 0;
+    for victims in groups {
+        settled = settled_beyond(&sandbox, settled + 20)
+            .unwrap_or_else(|| panic!("after {settled} no taps come before {victims:?} are killed"));
+        let pids: Vec<i32> = victims.iter().map(|words| stage(&line, words)).collect();
+        eprintln!("{victims:?} are killed after {settled} taps");
+        for pid in pids {
+            signal(pid, Signal::KILL);
+        }
     }
-    let summary = finish(line).json(0);
-    assert_eq!(summary["is_complete"], true);
-    assert_eq!(summary["pace"]["restarts"], victims.len());
+    let done = finish(line);
+    let summary = done.json(0);
+    assert_eq!(summary["is_complete"], true, "{done:?}");
+    assert_eq!(summary["pace"]["restarts"], 8, "{done:?}");
     assert_whole(&sandbox, "paced", &expected);
-}
-
-#[test]
-fn process_is_killed() {
-    kill_and_compare(&["process"]);
-}
-
-#[test]
-fn fuse_is_killed() {
-    kill_and_compare(&["fuse"]);
-}
-
-#[test]
-fn store_is_killed() {
-    kill_and_compare(&["store"]);
-}
-
-#[test]
-fn a_station_is_killed() {
-    kill_and_compare(&["acquire-0"]);
-}
-
-#[test]
-fn store_and_process_are_killed_at_once() {
-    kill_and_compare(&["store", "process"]);
-}
-
-#[test]
-fn fuse_and_a_station_are_killed_at_once() {
-    kill_and_compare(&["fuse", second_acquire()]);
 }
 
 /// Kills each stage again and again, at moments that differ from run to run.
 #[test]
 fn every_stage_is_killed_in_one_run() {
     let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox);
-    let line = start(&sandbox);
+    let expected = undisturbed(&sandbox, SCAN);
+    let line = start(&sandbox, TAPS_PER_S);
     for words in ["process", "store", "fuse", "acquire-0", "store", "process"] {
         signal(stage(&line, words), Signal::KILL);
         std::thread::sleep(Duration::from_millis(u64::from(std::process::id() % 7) * 30));
@@ -140,16 +130,20 @@ fn every_stage_is_killed_in_one_run() {
 /// A stage that is killed when nearly everything is sent does not delay the end.
 #[test]
 fn stages_are_killed_at_the_end() {
+    /// Taps of a station: half as many locations as in the other runs, twice around 2 shoulders, and closing taps.
+    const TAPS_A_STATION: f32 = 84.0;
+    let scan = SCAN.replace("locations = 40", "locations = 20");
+    let sandbox = Sandbox::new();
+    let expected = undisturbed(&sandbox, &scan);
+    sandbox.write("paced.toml", &paced(&scan, TAPS_PER_S));
     for (words, when) in [("process", 0.9), ("fuse", 0.97), ("store", 0.99), ("acquire-0", 1.0), ("fuse", 1.0)] {
-        let sandbox = Sandbox::new();
-        let expected = undisturbed(&sandbox);
-        sandbox.write("paced.toml", &paced());
         let line = sandbox.start("run --config paced.toml --out paced --json");
         let pid = stage(&line, words);
         std::thread::sleep(Duration::from_secs_f32(when * TAPS_A_STATION / TAPS_PER_S));
         kill(pid, words);
         finish(line).expect(0);
         assert_whole(&sandbox, "paced", &expected);
+        std::fs::remove_dir_all(sandbox.path("paced")).unwrap();
     }
 }
 
@@ -157,8 +151,8 @@ fn stages_are_killed_at_the_end() {
 #[test]
 fn stages_that_another_process_ends_are_started_again() {
     let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox);
-    let line = start(&sandbox);
+    let expected = undisturbed(&sandbox, SCAN);
+    let line = start(&sandbox, TAPS_PER_S);
     for words in ["process", "store", "fuse", second_acquire()] {
         signal(stage(&line, words), Signal::TERM);
         std::thread::sleep(Duration::from_millis(150));
@@ -171,9 +165,9 @@ fn stages_that_another_process_ends_are_started_again() {
 #[test]
 fn stages_are_killed_at_the_start() {
     let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox);
+    let expected = undisturbed(&sandbox, SCAN);
+    sandbox.write("paced.toml", &paced(SCAN, 2.0 * TAPS_PER_S));
     for delay_ms in [0, 10, 25, 50, 100] {
-        sandbox.write("paced.toml", &paced());
         let line = sandbox.start("run --config paced.toml --out paced");
         for words in ["store", "process"] {
             let pid = stage(&line, words);
@@ -190,9 +184,9 @@ fn stages_are_killed_at_the_start() {
 #[test]
 fn a_line_killed_at_its_start_leaves_no_one() {
     let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox);
+    let expected = undisturbed(&sandbox, SCAN);
     for delay_ms in [5, 15, 30, 60, 120, 250] {
-        sandbox.write("paced.toml", &paced());
+        sandbox.write("paced.toml", &paced(SCAN, TAPS_PER_S));
         let mut line = sandbox.start("run --config paced.toml --out paced");
         std::thread::sleep(Duration::from_millis(delay_ms));
         line.kill().unwrap();
@@ -206,7 +200,7 @@ fn a_line_killed_at_its_start_leaves_no_one() {
 #[test]
 fn a_stage_that_dies_again_and_again_ends_the_line() {
     let sandbox = Sandbox::new();
-    sandbox.write("paced.toml", &paced());
+    sandbox.write("paced.toml", &paced(SCAN, TAPS_PER_S));
     let mut line = sandbox.start("run --config paced.toml --out paced");
     let deadline = Instant::now() + Duration::from_secs(60);
     while line.try_wait().unwrap().is_none() && Instant::now() < deadline {
@@ -309,8 +303,8 @@ fn store_is_killed_as_files_are_finished() {
 #[test]
 fn an_interrupted_run_is_resumed() {
     let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox);
-    let line = start(&sandbox);
+    let expected = undisturbed(&sandbox, SCAN);
+    let line = start(&sandbox, TAPS_PER_S);
     signal(line.id() as i32, Signal::INT);
     let summary = finish(line).json(3);
     assert_eq!((&summary["casings"], &summary["unfinished"]), (&2.into(), &2.into()), "{summary}");
@@ -342,8 +336,8 @@ fn an_interrupted_run_is_resumed() {
 #[test]
 fn a_killed_line_is_resumed() {
     let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox);
-    let mut line = start(&sandbox);
+    let expected = undisturbed(&sandbox, SCAN);
+    let mut line = start(&sandbox, TAPS_PER_S);
     let stages: Vec<i32> = ["store", "fuse", "process", "acquire-0"].map(|words| stage(&line, words)).into();
     line.kill().unwrap();
     let deadline = Instant::now() + Duration::from_secs(20);
@@ -362,7 +356,7 @@ fn a_killed_line_is_resumed() {
 #[test]
 fn a_second_line_on_the_same_folder_is_refused() {
     let sandbox = Sandbox::new();
-    let line = start(&sandbox);
+    let line = start(&sandbox, TAPS_PER_S);
     let second = sandbox.run("run --config paced.toml --out paced").expect(1);
     assert!(second.err.contains("another line (process ") && second.err.contains("paced"), "{second:?}");
     finish(line).expect(0);

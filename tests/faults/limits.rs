@@ -46,7 +46,7 @@ fn needed<'a>(done: &'a Done, what: &str) -> &'a str {
     said.split_once(" of ").unwrap().1.split([' ', ';']).next().unwrap()
 }
 
-/// Catches limits at which a line hangs without an error, and an error that asks for too little.
+/// Catches limits of open files at which a line hangs without an error, and an error that asks for too little.
 #[test]
 fn too_few_descriptors_are_an_error_that_asks_for_enough() {
     let sandbox = Sandbox::new();
@@ -67,7 +67,7 @@ fn too_few_descriptors_are_an_error_that_asks_for_enough() {
     assert!((8..enough).contains(&most), "{most} of {enough}");
 }
 
-/// The same for file descriptors.
+/// The same for address space.
 #[test]
 fn too_little_address_space_is_an_error_that_asks_for_enough() {
     let sandbox = Sandbox::new();

@@ -21,6 +21,7 @@ use tapline_store::verify;
 
 use crate::archives::export_taps::as_from_a_tap_set;
 use crate::sandbox::archives::{Contents, assert_same, casings, contents, finished};
+use crate::sandbox::running::Running;
 use crate::sandbox::{Sandbox, short_scan};
 
 /// Limits of a line that takes tap sets.
@@ -76,4 +77,21 @@ pub(crate) fn slow_plant(sandbox: &Sandbox, casings_each: u32, taps_per_s: f64, 
     let head =
         format!("{}[simulation]\nsample_count = 4096\n[acquire]\ntaps_per_s = {taps_per_s}\n{more}\n", short_scan(24));
     sandbox.write("plant.toml", &format!("{head}{}{}", station(1), station(2)));
+}
+
+/// Checks that the line on `out`, with those verdicts, has left the casings that a line on `alone` makes of the same
+/// [`slow_plant`] undisturbed; its pace, which changes no content, is a fast one.
+fn assert_like_undisturbed(sandbox: &Sandbox, verdicts: &[Value], out: &str) {
+    let plant = fs::read_to_string(sandbox.path("plant.toml")).unwrap();
+    let fast = plant.lines().map(|line| if line.starts_with("taps_per_s") { "taps_per_s = 1000" } else { line });
+    sandbox.write("alone.toml", &fast.collect::<Vec<_>>().join("\n"));
+    let count = verdicts.len();
+    let mut line = Running::start(sandbox, &format!("line --config alone.toml --out alone --json --casings {count}"));
+    line.verdicts(count);
+    line.finish().expect(0);
+    for file in verdicts.iter().map(file_of) {
+        let there = sandbox.path("alone").join(file.strip_prefix(sandbox.path(out)).unwrap());
+        assert_same(&contents(&file), &contents(&there));
+    }
+    assert_eq!(all_finished(&sandbox.path(out)), all_finished(&sandbox.path("alone")));
 }

@@ -13,9 +13,8 @@ use serde_json::Value;
 use tapline_testing::program::Done;
 use tapline_wire::now_ns;
 
-use crate::line::{ROOM, all_finished, file_of, slow_plant, tap_sets};
+use crate::line::{ROOM, assert_like_undisturbed, slow_plant, tap_sets};
 use crate::sandbox::Sandbox;
-use crate::sandbox::archives::{assert_same, contents};
 use crate::sandbox::browser::Browser;
 use crate::sandbox::running::{PATIENCE, Running, until};
 use crate::sandbox::stages::{signal, stage};
@@ -147,9 +146,6 @@ fn a_browser_shows_each_verdict_and_where_the_crack_is() {
 fn pages_that_take_nothing_change_nothing() {
     let sandbox = Sandbox::new();
     slow_plant(&sandbox, 2, 60.0, "");
-    let mut alone = Running::start(&sandbox, "line --config plant.toml --out alone --json --casings 4");
-    alone.verdicts(4);
-    alone.finish().expect(0);
     let mut line =
         Running::start(&sandbox, "line --config plant.toml --out watched --json --casings 4 --serve 127.0.0.1:0");
     let address = address_of(&mut line);
@@ -160,12 +156,7 @@ fn pages_that_take_nothing_change_nothing() {
     let verdicts = line.verdicts(4);
     line.finish().expect(0);
     drop((frozen, silent));
-    for verdict in &verdicts {
-        let file = file_of(verdict);
-        let there = sandbox.path("alone").join(file.strip_prefix(sandbox.path("watched")).unwrap());
-        assert_same(&contents(&file), &contents(&there));
-    }
-    assert_eq!(all_finished(&sandbox.path("watched")), all_finished(&sandbox.path("alone")));
+    assert_like_undisturbed(&sandbox, &verdicts, "watched");
 }
 
 /// Catches a text that is no metrics, numbers that are not those of the line, and series that grow with its casings.

@@ -7,8 +7,10 @@ use rustix::process::Signal;
 use serde_json::Value;
 use tapline_store::verify;
 
-use crate::line::{ROOM, all_finished, archived, assert_made, casing_under_way, file_of, slow_plant, tap_sets};
-use crate::sandbox::archives::{assert_same, contents, under_way};
+use crate::line::{
+    ROOM, all_finished, archived, assert_like_undisturbed, assert_made, casing_under_way, file_of, slow_plant, tap_sets,
+};
+use crate::sandbox::archives::under_way;
 use crate::sandbox::running::{Running, until};
 use crate::sandbox::stages::{signal, stage};
 use crate::sandbox::{Sandbox, short_scan};
@@ -94,12 +96,7 @@ fn a_set_that_comes_back_is_judged_in_full() {
 fn stages_are_killed_while_casings_come() {
     let sandbox = Sandbox::new();
     slow_plant(&sandbox, 3, 50.0, "");
-    let start =
-        |out: &str| Running::start(&sandbox, &format!("line --config plant.toml --out {out} --json --casings 6"));
-    let mut line = start("undisturbed");
-    line.verdicts(6);
-    line.finish().expect(0);
-    let mut line = start("killed");
+    let mut line = Running::start(&sandbox, "line --config plant.toml --out killed --json --casings 6");
     for victim in ["process", "store", "fuse", "acquire-0", "store"] {
         std::thread::sleep(Duration::from_millis(400));
         signal(stage(line.child(), victim), Signal::KILL);
@@ -107,12 +104,7 @@ fn stages_are_killed_while_casings_come() {
     let verdicts = line.verdicts(6);
     let done = line.finish().expect(0);
     assert!(done.out.is_empty(), "{done:?}");
-    for verdict in &verdicts {
-        let file = file_of(verdict);
-        let there = sandbox.path("undisturbed").join(file.strip_prefix(sandbox.path("killed")).unwrap());
-        assert_same(&contents(&file), &contents(&there));
-    }
-    assert_eq!(all_finished(&sandbox.path("killed")), all_finished(&sandbox.path("undisturbed")));
+    assert_like_undisturbed(&sandbox, &verdicts, "killed");
     assert!(under_way(&sandbox.path("killed")).is_empty() && sandbox.left().is_empty());
 }
 

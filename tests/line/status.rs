@@ -10,9 +10,8 @@ use rustix::process::Signal;
 use serde_json::Value;
 use tapline_wire::StatusTopic;
 
-use crate::line::{all_finished, file_of, slow_plant};
+use crate::line::{assert_like_undisturbed, slow_plant};
 use crate::sandbox::Sandbox;
-use crate::sandbox::archives::{assert_same, contents};
 use crate::sandbox::running::Running;
 use crate::sandbox::stages::{signal, stage};
 
@@ -22,15 +21,7 @@ use crate::sandbox::stages::{signal, stage};
 fn who_looks_on_changes_nothing() {
     let sandbox = Sandbox::new();
     slow_plant(&sandbox, 3, 20.0, "");
-    let start =
-        |out: &str| Running::start(&sandbox, &format!("line --config plant.toml --out {out} --json --casings 6"));
-    let mut alone = start("alone");
-    alone.verdicts(6);
-    alone.finish().expect(0);
-    let refused = sandbox.run("status --out alone --json").expect(1);
-    assert!(refused.err.contains("no line runs on alone"), "{refused:?}");
-
-    let line = start("watched");
+    let line = Running::start(&sandbox, "line --config plant.toml --out watched --json --casings 6");
     stage(line.child(), "acquire-0");
     let mut frozen = sandbox.start("status --out watched --follow --json");
     let mut shown = BufReader::new(frozen.stdout.take().unwrap()).lines();
@@ -91,11 +82,7 @@ fn who_looks_on_changes_nothing() {
         assert!(stages.len() >= 4 && stages.iter().all(|stage| stage["restarts"] == 0), "{status}");
         assert_eq!((&status["lost_count"], &status["is_held"]), (&0.into(), &false.into()));
     }
-    let alone = sandbox.path("alone");
-    for verdict in &verdicts {
-        let file = file_of(verdict);
-        let there = alone.join(file.strip_prefix(sandbox.path("watched")).unwrap());
-        assert_same(&contents(&file), &contents(&there));
-    }
-    assert_eq!(all_finished(&sandbox.path("watched")), all_finished(&alone));
+    assert_like_undisturbed(&sandbox, &verdicts, "watched");
+    let refused = sandbox.run("status --out alone --json").expect(1);
+    assert!(refused.err.contains("no line runs on alone"), "{refused:?}");
 }

@@ -36,8 +36,7 @@ fn a_command_is_run_at_each_verdict() {
     }
 }
 
-/// Catches a command that hangs, with its own children, and keeps the line from ending; and a line that does not report
-/// it.
+/// Catches a command that fails and that the status of the line says nothing of.
 #[test]
 fn a_command_that_fails_is_an_alarm() {
     let sandbox = Sandbox::new();

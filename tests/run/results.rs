@@ -55,7 +55,7 @@ fn the_place_of_a_verdict_is_in_its_strongest_region() {
 #[test]
 fn a_run_taps_once_around_and_what_stands_out_again() {
     let sandbox = Sandbox::new();
-    sandbox.write("slow.toml", "[acquire]\ntaps_per_s = 11.0\n");
+    sandbox.write("slow.toml", "[acquire]\ntaps_per_s = 21.0\n");
     let done = sandbox.run("run --config slow.toml --out run --json");
     let summary = done.json(0);
     assert!(done.err.contains("scanning 202 taps, and what stands out again;"), "{}", done.err);
@@ -133,17 +133,6 @@ fn a_flag_on_every_tap_is_named_on_the_verdict() {
     let told = sandbox.run("run --config scan.toml --out told").expect(0).out;
     let told = told.split_whitespace().collect::<Vec<_>>().join(" ");
     assert!(told.contains("flagged: low_snr on 100 % of the taps"), "{told}");
-}
-
-/// Law 6: the same input gives the same archive.
-#[test]
-fn results_depend_on_nothing_but_their_input() {
-    let sandbox = scanned();
-    sandbox.run("run --config scan.toml --stations 2 --out a").expect(0);
-    sandbox.run("run --config scan.toml --stations 2 --out b").expect(0);
-    let a = casings(&sandbox.path("a"));
-    assert!(a.len() == 2 && a.values().all(|casing| casing.taps.iter().all(Option::is_some)));
-    assert_same_casings(&a, &casings(&sandbox.path("b")));
 }
 
 /// The contents without the place and time of the taps.

@@ -1,7 +1,6 @@
 //! What must be found on a simulated line, and what must not: every planted crack, and nothing on a sound tyre.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write as _;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::{Builder, scope};
 
@@ -10,9 +9,6 @@ use tapline_fuse::{FuseConfig, Fusion, Reference};
 use tapline_model::{Crack, SimulationConfig};
 use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_wire::{CacheLine, Reasons, Samples, TapHeader, Verdict, cache_lines_for};
-
-use crate::sandbox::Sandbox;
-use tapline_testing::documents::csv_rows;
 
 const SEEDS: std::ops::RangeInclusive<u64> = 1..=20;
 const LOCATIONS: u32 = 100;
@@ -209,64 +205,4 @@ fn a_tyre_full_of_cracks_does_not_pass() {
             assert_ne!(found[&(SOUND.to_owned(), shoulder)].verdict, Verdict::Reject);
         }
     }
-}
-
-/// The configuration file of the dissertation's plan on two tyres at two stations.
-fn config_file(seed: u64, cracks: &[Crack]) -> String {
-    let mut text = format!("[scan]\nseed = {seed}\nstations = 2\noffsets_mm = [0.0, 5.0, 10.0, 15.0]\n");
-    writeln!(text, "velocities_m_per_s = [1.2, 1.5, 1.85]\nrepetitions = 2\nconfirm = false").unwrap();
-    writeln!(text, "[[scan.tyre]]\nserial = \"{DAMAGED}\"\nstation = 1").unwrap();
-    for Crack { shoulder, first_location, location_count, depth_mm, length_mm, .. } in cracks {
-        writeln!(text, "[[scan.tyre.crack]]\nshoulder = {shoulder}\nfirst_location = {first_location}").unwrap();
-        writeln!(text, "location_count = {location_count}\ndepth_mm = {depth_mm:?}\nlength_mm = {length_mm:?}")
-            .unwrap();
-    }
-    writeln!(text, "[[scan.tyre]]\nserial = \"{SOUND}\"\nstation = 2").unwrap();
-    text
-}
-
-/// Marks the locations of a row of `export regions` with its number.
-fn mark(regions: &mut [u32], row: &BTreeMap<String, String>) {
-    let number = |column: &str| row[column].parse::<u32>().unwrap();
-    let (mut location, last) = (number("first_location"), number("last_location"));
-    regions[location as usize] = number("region");
-    while location != last {
-        location = (location + 1) % LOCATIONS;
-        regions[location as usize] = number("region");
-    }
-}
-
-/// The built program with the dissertation's plan (offsets, velocities, repetitions, stations), for every seed; prints a
-/// table.
-#[test]
-#[ignore = "a minute, and 650 MB of disk at a time"]
-fn the_dissertations_plan_finds_every_planted_crack() {
-    let (mut faulty, mut crack_count) = (Vec::new(), 0);
-    for seed in SEEDS {
-        let cracks = layout(seed);
-        crack_count += cracks.len();
-        let sandbox = Sandbox::new();
-        sandbox.write("scan.toml", &config_file(seed, &cracks));
-        let summary = sandbox.run("run --config scan.toml --out scan --json").json(0);
-        let regions_of = |tyre| csv_rows(&sandbox.run(&format!("export scan/{tyre}.h5 regions")).expect(0).out);
-        let regions = [DAMAGED, SOUND].map(regions_of).concat();
-        let mut line = format!("seed {seed:2} cracks {}", cracks.len());
-        for verdict_row in summary["verdicts"].as_array().unwrap() {
-            let (tyre, shoulder) = (verdict_row["tyre"].as_str().unwrap(), verdict_row["shoulder"].as_u64().unwrap());
-            let mut marked = vec![0; LOCATIONS as usize];
-            let here = |row: &&BTreeMap<String, String>| row["tyre"] == tyre && row["shoulder"] == shoulder.to_string();
-            regions.iter().filter(here).for_each(|row| mark(&mut marked, row));
-            let verdict = Verdict::ALL.into_iter().find(|v| verdict_row["verdict"] == v.to_string()).unwrap();
-            let judged = Judged { verdict, reasons: Reasons::default(), regions: marked };
-            let of_tyre = if tyre == DAMAGED { &cracks[..] } else { &[] };
-            let found = faults(&judged, u16::try_from(shoulder).unwrap(), of_tyre);
-            let peak =
-                verdict_row["peak_damage_index"].as_f64().unwrap() / verdict_row["limit_reject"].as_f64().unwrap();
-            write!(line, " | {tyre}/{shoulder} {verdict} {} faults, peak {peak:.2} of reject", found.len()).unwrap();
-            faulty.extend(found.into_iter().map(|fault| format!("seed {seed}: {tyre}/{shoulder}: {fault}")));
-        }
-        println!("{line}");
-    }
-    println!("{crack_count} cracks, {} faults", faulty.len());
-    assert!(faulty.is_empty(), "{faulty:#?}");
 }

@@ -5,7 +5,7 @@ use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use tapline_store::{OwnedSamples, Reader};
+use tapline_store::{OwnedSamples, Reader, Writer};
 use tapline_wire::{DamageCell, Discriminators, Judgement, Stamp, TapHeader, TapState};
 
 /// The contents of an archive that must not depend on when and how it was written.
@@ -31,6 +31,19 @@ pub(crate) fn bend(archive: &Path, table: &str, at: usize) {
     let mut bytes = fs::read(archive).unwrap();
     bytes[start + at] ^= 1;
     fs::write(archive, bytes).unwrap();
+}
+
+/// Writes `rows` of `whole`, with headers as `change` makes them, to an archive of the same plan at `to`.
+pub(crate) fn part_of(whole: &Reader, to: PathBuf, rows: Range<u32>, mut change: impl FnMut(u32, &mut TapHeader)) {
+    let mut writer = Writer::create(to, whole.plan(), whole.plan().taps().len(), whole.config()).unwrap();
+    let found = whole.discriminators().unwrap();
+    for row in rows {
+        let (mut header, samples) = whole.tap(row).unwrap().unwrap();
+        change(row, &mut header);
+        writer.put_tap(&header, samples.as_samples().as_bytes()).unwrap();
+        writer.put_discriminators(&found[row as usize].unwrap()).unwrap();
+    }
+    writer.finish().unwrap();
 }
 
 /// Reads an archive, without what depends on transmission: sequence, epoch and time of sending.

@@ -4,6 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
+use tapline_testing::network::at;
+
 use crate::sandbox::Sandbox;
 use crate::sandbox::broker::free_port;
 use crate::sandbox::running::until;
@@ -67,8 +69,8 @@ impl NatsServer {
     pub(crate) fn restart(&mut self) {
         let mut command = match &self.host {
             Some(host) => {
-                let mut command = Command::new("ip");
-                command.args(["netns", "exec", host]).arg(&self.program);
+                let mut command = at(host);
+                command.arg(&self.program);
                 command
             }
             None => Command::new(&self.program),

@@ -8,12 +8,10 @@ use crossbeam::channel::{Receiver, RecvTimeoutError, bounded};
 use rustix::process::Signal;
 use serde_json::Value;
 use tapline_testing::program::Done;
+pub(crate) use tapline_testing::waiting::{PATIENCE, until};
 
 use crate::sandbox::Sandbox;
 use crate::sandbox::stages::signal;
-
-/// How long a line may take for anything, so that a test fails instead of hanging.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A running line or rig.
 pub(crate) struct Running {
@@ -155,13 +153,4 @@ pub(crate) fn lines_of(pipe: impl Read + Send + 'static) -> Receiver<String> {
     let read = move || BufReader::new(pipe).lines().map_while(Result::ok).try_for_each(|line| send.send(line));
     std::thread::Builder::new().name("pipe".to_owned()).spawn(read).unwrap();
     lines
-}
-
-/// Waits until `is_so`.
-pub(crate) fn until(what: &str, mut is_so: impl FnMut() -> bool) {
-    let since = Instant::now();
-    while !is_so() {
-        assert!(since.elapsed() < PATIENCE, "never: {what}");
-        std::thread::sleep(Duration::from_millis(10));
-    }
 }

@@ -2,11 +2,12 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 use serde_json::Value;
+use tapline_testing::network::{Host, at, ip};
 
 use crate::line::slow_plant;
 use crate::sandbox::Sandbox;
@@ -18,13 +19,7 @@ use crate::uplink::files;
 struct Network {
     /// What their names begin with, so that tests do not meet.
     prefix: String,
-    hosts: Vec<String>,
-}
-
-fn ip(arguments: &str) -> bool {
-    let mut command = Command::new("ip");
-    command.args(arguments.split_whitespace()).stdout(Stdio::null()).stderr(Stdio::null());
-    command.status().is_ok_and(|status| status.success())
+    hosts: Vec<Host>,
 }
 
 impl Network {
@@ -34,18 +29,13 @@ impl Network {
         let prefix = format!("tl{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
         let mut network = Self { prefix, hosts: Vec::new() };
         let switch = network.host("switch");
-        if !ip(&format!("netns add {switch}")) {
-            tapline_testing::skip("no network namespaces here (they take root, and iproute2)");
-            return None;
-        }
-        network.hosts.push(switch.clone());
+        network.hosts.push(Host::new(switch.clone())?);
         assert!(
             ip(&format!("-n {switch} link add bridge type bridge")) && ip(&format!("-n {switch} link set bridge up"))
         );
         for (n, name) in names.iter().enumerate() {
             let host = network.host(name);
-            assert!(ip(&format!("netns add {host}")));
-            network.hosts.push(host.clone());
+            network.hosts.push(Host::new(host.clone()).unwrap());
             for does in [
                 format!("link add net netns {host} type veth peer name {name} netns {switch}"),
                 format!("-n {switch} link set {name} master bridge up"),
@@ -71,8 +61,8 @@ impl Network {
     /// Starts the program at the host `name`, by the command `by`.
     fn start_by(&self, sandbox: &Sandbox, name: &str, by: &[&str], arguments: &str) -> Running {
         let program = sandbox.command(arguments);
-        let mut command = Command::new("ip");
-        command.args(["netns", "exec", &self.host(name)]).args(by).arg(program.get_program()).args(program.get_args());
+        let mut command = at(&self.host(name));
+        command.args(by).arg(program.get_program()).args(program.get_args());
         command.current_dir(program.get_current_dir().unwrap()).stdin(Stdio::null());
         command.envs(program.get_envs().filter_map(|(key, value)| Some((key, value?))));
         Running::of(command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap())
@@ -81,14 +71,6 @@ impl Network {
     /// Cuts the cable of the host `name`, or mends it.
     fn cable(&self, name: &str, state: &str) {
         assert!(ip(&format!("-n {} link set {name} {state}", self.host("switch"))));
-    }
-}
-
-impl Drop for Network {
-    fn drop(&mut self) {
-        for host in &self.hosts {
-            ip(&format!("netns del {host}"));
-        }
     }
 }
 

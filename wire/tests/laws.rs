@@ -1,21 +1,6 @@
 //! Laws of the stream that the shape of the records must keep; those of their transport are in `stream.rs`.
 
-use tapline_wire::{CasingHeader, Discriminators, Judgement, Stamped, TapHeader, TapId};
-
-/// Law 1: a record that lost its stamp or its name would not compile here; one that is copied keeps both.
-#[test]
-fn law_1_every_record_has_a_stamp_and_says_what_it_is_about() {
-    fn stamped<H: Stamped + Default>() -> u64 {
-        let mut header = H::default();
-        header.stamp_mut().sequence = 7;
-        header.stamp().sequence
-    }
-    assert_eq!([stamped::<TapHeader>(), stamped::<Judgement>(), stamped::<CasingHeader>()], [7; 3]);
-    let id: TapId = TapHeader::default().id;
-    assert_eq!(id, Discriminators::default().id);
-    let time_ns: i64 = TapHeader::default().tap_time_ns;
-    assert_eq!(time_ns, 0);
-}
+use tapline_wire::{CasingHeader, TapId};
 
 /// Law 1: the time of day enters a result only where a tap happens; else it names things that are in none.
 #[test]

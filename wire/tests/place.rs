@@ -91,10 +91,7 @@ fn participant() {
     drop((taps, found, damage, settled, proposals, notices));
 }
 
-struct Participant {
-    name: String,
-    child: Child,
-}
+struct Participant(Child);
 
 impl Participant {
     fn start(address: &LineAddress, stations: u16, role: &str) -> Self {
@@ -108,26 +105,16 @@ impl Participant {
         let mut said = BufReader::new(child.stdout.take().unwrap()).lines();
         assert!(said.any(|line| line.unwrap().ends_with("in place")), "{role} did not come");
         std::thread::Builder::new().name("said".to_owned()).spawn(move || said.for_each(drop)).unwrap();
-        Self { name: role.to_owned(), child }
-    }
-
-    fn descriptors(&self) -> usize {
-        std::fs::read_dir(format!("/proc/{}/fd", self.child.id())).unwrap().count()
-    }
-
-    fn address_space_kib(&self) -> u64 {
-        let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).unwrap();
-        let peak = status.lines().find_map(|line| line.strip_prefix("VmPeak:")).unwrap();
-        peak.trim().trim_end_matches(" kB").parse().unwrap()
+        Self(child)
     }
 }
 
 impl Drop for Participant {
     fn drop(&mut self) {
-        if let Some(mut input) = self.child.stdin.take() {
+        if let Some(mut input) = self.0.stdin.take() {
             drop(writeln!(input));
         }
-        assert!(self.child.wait().unwrap().success() || std::thread::panicking());
+        assert!(self.0.wait().unwrap().success() || std::thread::panicking());
     }
 }
 
@@ -152,16 +139,16 @@ fn shared_bytes(address: &LineAddress) -> (u64, u64) {
         .fold((0, 0), |(promised, there), file| (promised + file.len(), there + file.blocks() * 512))
 }
 
-fn with_line(stations: u16, look: impl FnOnce(&LineAddress, &[Participant])) {
+fn with_line(stations: u16, look: impl FnOnce(&LineAddress)) {
     let address = LineAddress::fresh().unwrap();
     {
         let supervisor = Line::join(&address, Role::Supervisor, &limits(stations), Arc::default()).unwrap();
         let _services = Services::open(&supervisor).unwrap();
         let roles = ["store", "fuse", "process"].into_iter().map(ToOwned::to_owned);
         let roles = roles.chain((0..stations).map(|number| number.to_string()));
-        let participants: Vec<Participant> = roles.map(|role| Participant::start(&address, stations, &role)).collect();
+        let _participants: Vec<Participant> = roles.map(|role| Participant::start(&address, stations, &role)).collect();
         std::thread::sleep(Duration::from_millis(300)); // they have seen each other
-        look(&address, &participants);
+        look(&address);
     }
     assert!(address.clear().unwrap());
     assert!(!address.root().exists());
@@ -170,7 +157,7 @@ fn with_line(stations: u16, look: impl FnOnce(&LineAddress, &[Participant])) {
 /// Catches a file of a line that others can read or write, and memory that is promised and not there.
 #[test]
 fn a_line_is_its_users_alone_and_all_its_memory_is_there() {
-    with_line(2, |address, _| {
+    with_line(2, |address| {
         let there = files(address);
         assert!(there.len() > 20, "{there:#?}");
         for path in &there {
@@ -185,34 +172,4 @@ fn a_line_is_its_users_alone_and_all_its_memory_is_there() {
         let most = line_bytes(&limits(2)) as u64;
         assert!(there < most + (2 << 20), "{there} bytes are reserved where {most} were foreseen");
     });
-}
-
-/// Not a test: prints what lines of several lengths take. Run it by hand: `--ignored --nocapture`.
-#[test]
-#[ignore = "measures"]
-fn what_a_line_takes() {
-    for stations in [1, 8, 32] {
-        with_line(stations, |address, participants| {
-            let reserved = shm::reserve("the line", address).unwrap();
-            let (promised, there) = shared_bytes(address);
-            println!(
-                "{stations} stations: {} files, promised {promised}, reserved {} in {} segments, there {there}, \
-                 foreseen {}",
-                files(address).len(),
-                reserved.bytes,
-                reserved.segments,
-                line_bytes(&limits(stations))
-            );
-            let own = std::fs::read_dir("/proc/self/fd").unwrap().count();
-            println!("  watch: {own} descriptors (its pipes included)");
-            for participant in participants.iter().take(5) {
-                println!(
-                    "  {}: {} descriptors, {} KiB of address space",
-                    participant.name,
-                    participant.descriptors(),
-                    participant.address_space_kib()
-                );
-            }
-        });
-    }
 }

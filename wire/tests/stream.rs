@@ -10,6 +10,7 @@ use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use tapline_testing::waiting::until;
 use tapline_wire::{
     CasingHeader, CasingLimits, CasingTopic, Limits, Line, LineAddress, LineError, Publisher, RecordKind, Role, Stamp,
     StatusTopic, Subscriber, TapHeader, TapTopic, Topic, bytes_of, i16_of_mut,
@@ -84,15 +85,6 @@ fn in_thread<R: Send + 'static>(name: &str, work: impl FnOnce() -> R + Send + 's
     std::thread::Builder::new().name(name.to_owned()).spawn(work).unwrap()
 }
 
-/// Waits until `is_so`; fails with `what` if that takes too long.
-fn wait_until(what: &str, is_so: impl Fn() -> bool) {
-    let deadline = Instant::now() + LONG;
-    while !is_so() {
-        assert!(Instant::now() < deadline, "{what}");
-        std::thread::sleep(Duration::from_millis(2));
-    }
-}
-
 /// A subscriber in its own thread.
 struct Receiving {
     /// Taps that it has received so far.
@@ -151,7 +143,7 @@ fn a_restarted_publisher_loses_nothing() {
         // As acquire does, the sender waits until its records are received before it leaves.
         for subscriber in &subscribers {
             let has_all = || subscriber.count.load(Ordering::Relaxed) == (life + 1) * 200;
-            wait_until("a subscriber has not received all records", has_all);
+            until("a subscriber has received all records", has_all);
         }
     }
     subscribers.into_iter().for_each(|subscriber| subscriber.assert_got(0..600));
@@ -295,7 +287,7 @@ fn a_killed_subscriber_does_not_hold_its_publisher() {
     });
     // The slow one holds the first tap, and its buffer is full: one more may reach `store` before the publisher waits.
     let stored = || store.count.load(Ordering::Relaxed) as usize;
-    wait_until("the buffer does not fill", || stored() > TapTopic::BUFFER);
+    until("the buffer is full", || stored() > TapTopic::BUFFER);
     assert!(stored() <= TapTopic::BUFFER + 2);
     assert!(!publisher.is_finished());
     slow.kill().unwrap();
@@ -351,7 +343,7 @@ fn a_segment_without_a_size_is_cleared_away() {
     assert!(emptied > 0, "the child made no segment");
     let address = place.clone();
     let clearing = in_thread("clear", move || assert!(address.clear().unwrap()));
-    wait_until("the line is still being cleared", || clearing.is_finished());
+    until("the line is cleared", || clearing.is_finished());
     clearing.join().unwrap();
     assert_eq!(shm_files(&place), 0);
 }

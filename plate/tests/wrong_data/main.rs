@@ -5,6 +5,9 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot be set up must fail")]
 
 mod shoulders;
+#[path = "../../../process/tests/extractor/tap.rs"]
+#[allow(dead_code, reason = "what the tests of the extractor share with these")]
+mod tap;
 mod taps;
 
 use tapline_wire::{Channel, ChannelHeader, SampleFormat, TapHeader, TapId};

@@ -4,90 +4,32 @@ use std::f64::consts::TAU;
 use std::sync::LazyLock;
 
 use tapline_acquire::{Source as _, TapSet};
-use tapline_model::{SimulatedRig, SimulatedTap, SimulatedTyre, SimulationConfig, plant_cracks};
+use tapline_model::SimulationConfig;
 use tapline_plate::{Casing, Crack, Population, Rig, Tap as PlateTap};
 use tapline_process::{ProcessConfig, ProcessExtractor};
-use tapline_wire::{
-    CacheLine, Discriminator, Discriminators, Quality, SampleFormat, Samples, Serial, TapHeader, cache_lines_for,
-};
+use tapline_wire::{CacheLine, Discriminator, Quality, SampleFormat, Samples, Serial, TapHeader, cache_lines_for};
 
+use crate::tap::{Tap, peak, rig_with_tyres, tap_on};
 use crate::{RATE_HZ, header};
 
 /// Taps of each simulator.
 const COUNT: u32 = 400;
 const VELOCITIES: [f64; 3] = [1.2, 1.5, 1.85];
 
-/// A tap with its two channels in counts.
-#[derive(Debug, Clone)]
-struct Tap {
-    header: TapHeader,
-    force: Vec<f64>,
-    sound: Vec<f64>,
-}
-
-impl Tap {
-    fn found(&self) -> Discriminators {
-        let mut extractor = ProcessExtractor::new(&ProcessConfig::default()).unwrap();
-        let both = self.force.iter().chain(&self.sound);
-        if self.header.sample_format == SampleFormat::I16.code() {
-            let counts: Vec<i16> = both.map(|x| x.round().clamp(-32_768.0, 32_767.0) as i16).collect();
-            return extractor.extract(&self.header, Samples::I16(&counts));
-        }
-        let samples: Vec<f32> = both.map(|&x| x as f32).collect();
-        extractor.extract(&self.header, Samples::F32(&samples))
-    }
-
-    fn pulse_at(&self) -> usize {
-        (0..self.force.len()).max_by(|&i, &j| self.force[i].total_cmp(&self.force[j])).unwrap()
-    }
-
-    /// Number of samples of the pulse above 5 % of its peak.
-    fn pulse_samples(&self) -> usize {
-        let level = 0.05 * peak(&self.force);
-        self.force.iter().filter(|&&x| x > level).count()
-    }
-}
-
-fn peak(channel: &[f64]) -> f64 {
-    channel.iter().map(|x| x.abs()).max_by(f64::total_cmp).unwrap()
+/// The sample at the peak of the pulse.
+fn pulse_at(tap: &Tap) -> usize {
+    (0..tap.force.len()).max_by(|&i, &j| tap.force[i].total_cmp(&tap.force[j])).unwrap()
 }
 
 /// Taps of the model's sound and cracked tyres, in 16-bit counts, 50 ms and 400 ms each.
 static OF_MODEL: LazyLock<Vec<Tap>> = LazyLock::new(|| {
     let short = SimulationConfig::default();
     let long = SimulationConfig { sample_count: 8 * short.sample_count, ..short.clone() };
-    let tyre = |k: u32| {
-        let serial = format!("T-{k}");
-        SimulatedTyre { cracks: if k.is_multiple_of(2) { plant_cracks(3, &serial, 100, 8) } else { vec![] }, serial }
-    };
-    let tyres: Vec<_> = (0..8).map(tyre).collect();
-    let mut rigs = [long, short].map(|config| (SimulatedRig::new(&config, 21, &tyres).unwrap(), config));
+    let mut rigs = [long, short].map(|config| rig_with_tyres(&config, 21));
     let tap = |k: u32| {
-        let (rig, config) = &mut rigs[k as usize / 32 % 2];
-        let mut samples = vec![0_i16; rig.sample_total()];
-        let velocity_m_per_s = VELOCITIES[k as usize % 3];
-        let tap = SimulatedTap {
-            tyre_serial: &tyres[k as usize % 8].serial,
-            shoulder: 1,
-            offset_mm: 5.0 * f64::from(k / 8 % 4),
-            velocity_m_per_s,
-            location: k * 37 % 100,
-            location_count: 100,
-            repetition: (k / 100) as u16,
-            attempt: 0,
-        };
-        let measured = rig.render(&tap, &mut samples).velocity_measured_m_per_s;
-        let (force, sound) = samples.split_at(samples.len() / 2);
-        let units = [config.force_full_scale_n, config.sound_full_scale_v].map(|full| full / 32_768.0);
-        let (count, before) = (config.sample_count, config.pre_trigger_samples);
-        Tap {
-            header: TapHeader {
-                microphone_distance_m: config.microphone_distance_m,
-                ..header(SampleFormat::I16, count, before, (velocity_m_per_s, measured), units)
-            },
-            force: force.iter().map(|&x| f64::from(x)).collect(),
-            sound: sound.iter().map(|&x| f64::from(x)).collect(),
-        }
+        let mut tap = tap_on(&mut rigs[k as usize / 32 % 2], k);
+        tap.header.planned_sample_count = tap.header.sample_count;
+        tap
     };
     (0..COUNT).map(tap).collect()
 });
@@ -135,7 +77,7 @@ fn assert_flagged(flag: Quality, what: &str, plant: impl Fn(usize, &mut Tap) -> 
     for (name, taps) in [("model", &*OF_MODEL), ("plate", &*OF_PLATE)] {
         let planted = taps.iter().enumerate().filter_map(|(k, tap)| {
             let mut tap = tap.clone();
-            plant(k, &mut tap).then(|| tap.found().quality)
+            plant(k, &mut tap).then(|| tap.flags())
         });
         let flags: Vec<Quality> = planted.collect();
         assert!(flags.len() >= 100, "{what}, {name}: only {} taps can have it", flags.len());
@@ -152,7 +94,7 @@ fn assert_flagged(flag: Quality, what: &str, plant: impl Fn(usize, &mut Tap) -> 
 #[test]
 fn clean_taps_are_clean() {
     for (name, taps) in [("model", &*OF_MODEL), ("plate", &*OF_PLATE)] {
-        let flags: Vec<Quality> = taps.iter().map(|tap| tap.found().quality).collect();
+        let flags: Vec<Quality> = taps.iter().map(Tap::flags).collect();
         for &(flag, flag_name) in Quality::ALL {
             let raised = flags.iter().filter(|quality| quality.contains(flag)).count();
             if raised > 0 {
@@ -241,7 +183,7 @@ fn spikes_on_the_pulse() {
         // One as high as the pulse, and beside it, looks like a pulse of its own.
         let own = if part < 1.0 { Quality::empty() } else { Quality::UNDERSAMPLED | Quality::DOUBLE_HIT };
         assert_flagged(Quality::SPIKE | own, &format!("a spike of {part}"), |k, tap| {
-            let place = tap.pulse_at() + k % 25 - 12;
+            let place = pulse_at(tap) + k % 25 - 12;
             tap.force[place] += part * peak(&tap.force);
             true
         });
@@ -298,7 +240,7 @@ fn what_is_spoilt_is_absent() {
     let absent = |flag: Quality, plant: &dyn Fn(&mut Tap), which: &[Discriminator]| {
         let mut tap = OF_MODEL[0].clone();
         plant(&mut tap);
-        let found = tap.found();
+        let found = tap.found(&ProcessConfig::default());
         assert!(found.quality.contains(flag), "{found:?}");
         for d in Discriminator::ALL {
             assert_eq!(found.values.get(d).is_none(), which.contains(&d), "{flag} {d:?}: {found:?}");

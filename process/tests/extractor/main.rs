@@ -13,4 +13,5 @@ mod recorded;
 mod reference;
 mod scipy;
 mod signal;
+mod tap;
 mod twin;

@@ -3,6 +3,7 @@
 use std::f64::consts::PI;
 
 use tapline_process::{Extractor, ProcessConfig, Real};
+use tapline_testing::noise::Noise;
 use tapline_wire::{Channel, ChannelHeader, Discriminator, Discriminators, SampleFormat, Samples, TapHeader};
 
 /// A tap with the settings of its extraction; the fields are those of the script.
@@ -52,12 +53,8 @@ impl Recorded {
 }
 
 fn hiss(seed: u32, count: usize) -> Vec<f64> {
-    let mut state = seed;
-    let next = || {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        f64::from(state) / 4_294_967_296.0 - 0.5
-    };
-    std::iter::repeat_with(next).take(count).collect()
+    let mut noise = Noise(seed);
+    std::iter::repeat_with(|| noise.uniform() - 0.5).take(count).collect()
 }
 
 fn half_sine(t: f64, tau: f64) -> f64 {

@@ -1,13 +1,12 @@
 //! The line waits while a disk is full or read-only.
 
 use std::fs;
-use std::io::ErrorKind;
 use std::path::PathBuf;
-use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use rustix::process::Signal;
 use tapline_store::Reader;
+use tapline_testing::disk::Disk;
 use tapline_wire::TapState;
 
 use crate::faults::disk::{assert_whole, quick, start_on_disk, undisturbed};
@@ -15,54 +14,6 @@ use crate::sandbox::Sandbox;
 use crate::sandbox::archives::{casings, finished};
 use crate::sandbox::running::Running;
 use crate::sandbox::stages::{signal, stage};
-
-/// A small separate disk, unmounted when dropped.
-struct Disk(PathBuf);
-
-impl Disk {
-    /// A disk of `size` in the folder `disk` of `sandbox`; `None`, with a notice, if none can be mounted.
-    fn new(sandbox: &Sandbox, size: &str) -> Option<Self> {
-        let disk = Self(sandbox.path("disk"));
-        fs::create_dir(&disk.0).unwrap();
-        let made = disk.mount(&format!("size={size}"), "tmpfs");
-        if !made {
-            tapline_testing::skip("no disk can be mounted here (it takes root)");
-        }
-        made.then_some(disk)
-    }
-
-    fn mount(&self, options: &str, what: &str) -> bool {
-        let mut mount = Command::new("mount");
-        mount.args(["-t", "tmpfs", "-o", options, what]).arg(&self.0).stderr(Stdio::null());
-        mount.status().is_ok_and(|status| status.success())
-    }
-
-    fn remount(&self, options: &str) {
-        assert!(self.mount(&format!("remount,{options}"), "tmpfs"), "{options}");
-    }
-
-    /// Fills the disk except for `free_bytes`, with a file that can be removed.
-    fn fill(&self, free_bytes: u64) -> PathBuf {
-        let path = self.0.join("ballast");
-        let disk = rustix::fs::statvfs(&self.0).unwrap();
-        let bytes = disk.f_bavail * disk.f_frsize - free_bytes;
-        match fs::write(&path, vec![1; usize::try_from(bytes).unwrap()]) {
-            // The line has filled it first.
-            Err(error) if error.kind() == ErrorKind::StorageFull => {}
-            written => written.unwrap(),
-        }
-        path
-    }
-}
-
-impl Drop for Disk {
-    fn drop(&mut self) {
-        // Lazily, because files may still be open there.
-        if let Err(error) = Command::new("umount").arg("-l").arg(&self.0).stderr(Stdio::null()).status() {
-            eprintln!("{}: {error}", self.0.display());
-        }
-    }
-}
 
 /// Starts the run and fills the disk; returns when that is logged.
 fn start_and_fill(sandbox: &Sandbox, disk: &Disk) -> (Running, PathBuf, PathBuf) {
@@ -78,7 +29,7 @@ fn start_and_fill(sandbox: &Sandbox, disk: &Disk) -> (Running, PathBuf, PathBuf)
 fn a_line_waits_for_room_on_a_full_disk() {
     let sandbox = Sandbox::new();
     let expected = undisturbed(&sandbox);
-    let Some(disk) = Disk::new(&sandbox, "64m") else { return };
+    let Some(disk) = Disk::at(&sandbox.path("disk"), "64m") else { return };
     let (mut line, ballast, file) = start_and_fill(&sandbox, &disk);
     // The file is closed meanwhile, so that others can read it; exit code 3 is for the missing taps.
     sandbox.run(&format!("verify {}", file.display())).expect(3);
@@ -94,7 +45,7 @@ fn a_line_waits_for_room_on_a_full_disk() {
 fn a_line_waits_for_a_read_only_disk() {
     let sandbox = Sandbox::new();
     let expected = undisturbed(&sandbox);
-    let Some(disk) = Disk::new(&sandbox, "64m") else { return };
+    let Some(disk) = Disk::at(&sandbox.path("disk"), "64m") else { return };
     let (mut line, _, _) = start_and_fill(&sandbox, &disk);
     // No file is open for writing there, or the system would refuse; and if there were room, the archive would be
     // written at once.
@@ -112,7 +63,7 @@ fn a_line_waits_for_a_read_only_disk() {
 fn a_line_on_a_full_disk_ends_in_order() {
     let sandbox = Sandbox::new();
     let expected = undisturbed(&sandbox);
-    let Some(disk) = Disk::new(&sandbox, "64m") else { return };
+    let Some(disk) = Disk::at(&sandbox.path("disk"), "64m") else { return };
     let (line, ballast, file) = start_and_fill(&sandbox, &disk);
     let done = line.interrupt();
     let summary = done.json(3);
@@ -135,7 +86,7 @@ fn a_full_disk_holds_up_the_next_file() {
     sandbox.write("paced.toml", &format!("{}{tyres}[acquire]\ntaps_per_s = 60.0\n", quick()));
     sandbox.run("run --config quick.toml --out quick").expect(0);
     let expected = casings(&sandbox.path("quick"));
-    let Some(disk) = Disk::new(&sandbox, "64m") else { return };
+    let Some(disk) = Disk::at(&sandbox.path("disk"), "64m") else { return };
     let mut line = Running::start(&sandbox, "run --config paced.toml --out disk/run --json");
     while !sandbox.path("disk/run/T1.h5").is_file() {
         line.assert_runs();
@@ -155,7 +106,7 @@ fn a_full_disk_holds_up_the_next_file() {
 fn store_is_killed_on_a_full_disk() {
     let sandbox = Sandbox::new();
     let expected = undisturbed(&sandbox);
-    let Some(disk) = Disk::new(&sandbox, "64m") else { return };
+    let Some(disk) = Disk::at(&sandbox.path("disk"), "64m") else { return };
     let (mut line, ballast, _) = start_and_fill(&sandbox, &disk);
     signal(stage(line.child(), "store"), Signal::KILL);
     line.wait_for_log(&["store", "was killed"]);
@@ -170,7 +121,7 @@ fn store_is_killed_on_a_full_disk() {
 fn places_where_no_archive_can_begin() {
     let sandbox = Sandbox::new();
     let expected = undisturbed(&sandbox);
-    let Some(disk) = Disk::new(&sandbox, "16m") else { return };
+    let Some(disk) = Disk::at(&sandbox.path("disk"), "16m") else { return };
     let ballast = disk.fill(60_000);
     let mut line = Running::start(&sandbox, "run --config paced.toml --out disk/run --json");
     line.wait_for_log(&["ERROR", "disk/run/open/SIM-0001.", "No space left", "make room"]);
