@@ -35,38 +35,16 @@ pub enum Error {
         line: usize,
     },
     /// A file breaks the rules of TOML or CSV.
-    #[error("{} line {line}: {reason}", file.display())]
+    #[error("{}{}: {reason}", file.display(), line.map_or_else(String::new, |line| format!(" line {line}")))]
     Syntax {
         /// The file.
         file: PathBuf,
-        /// Line, from 1.
-        line: usize,
+        /// Line, from 1; `None` where something is missing.
+        line: Option<usize>,
         /// What the parser says.
         reason: String,
     },
-    /// A key that has no meaning.
-    #[error("{} line {line}: unknown key {key}; known are {known}", file.display())]
-    UnknownKey {
-        /// The file.
-        file: PathBuf,
-        /// Line, from 1.
-        line: usize,
-        /// The key.
-        key: String,
-        /// The keys there are.
-        known: String,
-    },
-    /// A key without which the recordings have no meaning.
-    #[error("{}: the key {key} is missing; it must be {bound}", file.display())]
-    MissingKey {
-        /// The file.
-        file: PathBuf,
-        /// The key.
-        key: &'static str,
-        /// What its value must be.
-        bound: String,
-    },
-    /// The value of a key is out of bounds or of another kind.
+    /// The value of a key is out of bounds.
     #[error("{} line {line}: {key} is {value}; it must be {bound}", file.display())]
     Key {
         /// The file.

@@ -5,7 +5,7 @@
 //! - `source`: what a source of taps is
 //! - `tap_set`: folders of recordings, `simulated`: tyres that are computed
 //! - `capture`: sound cards and modules that are listened to, `rig`: casings on a rig, and a simulated rig for rehearsals
-//! - `config`, `stations`: what a configuration says of scans and stations
+//! - `config`, `stations`: what a configuration says of scans and stations, `text`: text files, and the lines of their faults
 //! - `stage`: the process `acquire` of a line
 //!
 //! ```
@@ -33,6 +33,7 @@ mod source;
 mod stage;
 mod stations;
 mod tap_set;
+mod text;
 
 #[cfg(feature = "alsa")]
 pub use capture::{Abilities, SoundCardInfo, sound_cards};
@@ -46,7 +47,7 @@ pub use rig::{RigArrivals, RigConfig, RigReport, RigScript, serve_rig};
 pub use simulated::SimulatedLine;
 pub use simulated::listed::{SimulatedList, listed_simulated};
 pub use source::arrivals::{Arrival, Arrivals, Casing, CasingEnd, Wake};
-pub use source::{Readiness, Refusal, Source};
+pub use source::{About, Readiness, Refusal, Source};
 pub use stage::outcome::{Outcome, RunError};
 pub use stage::run;
 pub use stations::{StationConfig, StationSource, open_station, validate_stations};

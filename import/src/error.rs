@@ -32,14 +32,6 @@ pub enum Error {
         /// Thing, value and bound.
         reason: String,
     },
-    /// A recording cannot be used, and so nothing is known of its taps.
-    #[error("{}: {fault}", file.display())]
-    Recording {
-        /// The file.
-        file: PathBuf,
-        /// What is wrong with it.
-        fault: Fault,
-    },
     /// Not one tap can be imported.
     #[error("none of the {tap_count} taps can be imported: {reasons}")]
     NoTap {
@@ -58,17 +50,13 @@ pub enum Error {
 
 /// What is wrong with a recording, or a channel of it.
 #[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum Fault {
+pub(crate) enum Fault {
     /// The system refuses.
     #[error("cannot be read: {0}")]
     Io(#[from] std::io::Error),
-    /// The file breaks the rules of its format.
+    /// The file breaks the rules of its format, or is valid and nothing that is read here.
     #[error("{0}")]
     Broken(String),
-    /// It is valid, but nothing that is read here.
-    #[error("{0}")]
-    Unsupported(String),
     /// There is no such channel, or part.
     #[error("has no {what} {name}; it has {known}")]
     Missing {
@@ -113,7 +101,7 @@ pub enum Fault {
 /// What a fallible call of this crate returns.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// The fault that `what` of a file breaks its format.
+/// The fault that is `what`: of a file that breaks its format, or that is not read here.
 pub(crate) fn broken<T>(what: impl Into<String>) -> Result<T, Fault> {
     Err(Fault::Broken(what.into()))
 }

@@ -3,9 +3,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use hound::{SampleFormat, WavSpec, WavWriter};
 use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
+use tapline_export::write_wav;
 use tapline_model::SimulationConfig;
+use tapline_store::OwnedSamples;
 use tapline_wire::{CacheLine, Samples, TapHeader, cache_lines_for};
 
 use crate::error::{Error, Result};
@@ -17,7 +18,7 @@ const SAMPLE_COUNT: u32 = 2048;
 /// Writes an example into the new or empty folder `folder`, and returns the files to import and the configuration for them.
 ///
 /// # Errors
-/// [`Error::Unwritable`], also for a folder that is not empty.
+/// [`Error::Unwritable`], also for a folder that is not empty; [`Error::Export`] for a recording.
 pub fn write_example(folder: &Path) -> Result<(Vec<PathBuf>, PathBuf)> {
     let unwritable =
         |file: &Path, reason: &dyn ToString| Error::Unwritable { file: file.to_owned(), reason: reason.to_string() };
@@ -30,17 +31,6 @@ pub fn write_example(folder: &Path) -> Result<(Vec<PathBuf>, PathBuf)> {
     let simulation = SimulationConfig { sample_count: SAMPLE_COUNT, ..SimulationConfig::default() };
     let mut line = SimulatedLine::new(&scan, &simulation)?;
     let recording = line.plan().recording.clone();
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a rate of the simulation, in whole hertz"
-    )]
-    let spec = WavSpec {
-        channels: 2,
-        sample_rate: recording.sample_rate_hz.round() as u32,
-        bits_per_sample: 16,
-        sample_format: SampleFormat::Int,
-    };
     let mut header = TapHeader::default();
     let mut buffer = vec![CacheLine::default(); cache_lines_for(recording.payload_bytes_max())];
     let taps = line.plan().taps().to_vec();
@@ -51,15 +41,7 @@ pub fn write_example(folder: &Path) -> Result<(Vec<PathBuf>, PathBuf)> {
         let Some(Samples::I16(samples)) = Samples::view(&header, &buffer) else {
             return Err(unwritable(&file, &"the simulation gives no counts"));
         };
-        let (force, sound) = samples.split_at(header.sample_count as usize);
-        let written = WavWriter::create(&file, spec).and_then(|mut out| {
-            for (&force, &sound) in force.iter().zip(sound) {
-                out.write_sample(force)?;
-                out.write_sample(sound)?;
-            }
-            out.finalize()
-        });
-        written.map_err(|error| unwritable(&file, &error))?;
+        write_wav(&file, &recording, &OwnedSamples::I16(samples.to_vec()))?;
         files.push(file);
     }
     let config = folder.join("import.toml");

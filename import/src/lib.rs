@@ -23,11 +23,12 @@ use tapline_store::OwnedSamples;
 use tapline_wire::{Calibration, Channel, Recording, SampleFormat, TapHeader};
 
 use crate::config::{Config, TAP_SAMPLES_MAX};
+use crate::error::{Fault, broken};
 use crate::format::Recorded;
 use crate::rows::Record;
 use crate::series::{Series, Stored, planes, si_units_of};
 
-pub use error::{Error, Fault, Result};
+pub use error::{Error, Result};
 pub use example::write_example;
 
 /// Most reasons that are listed if no tap can be imported.
@@ -181,20 +182,17 @@ fn rate_of(all: &[(Channel, Series)], config: &Config, alike: &mut Alike) -> Res
     }
     match config.sample_rate_hz.or(alike.sample_rate_hz) {
         Some(rate_hz) => Ok(*alike.sample_rate_hz.get_or_insert(rate_hz)),
-        None => Err(Fault::Unsupported(format!(
-            "does not say its sample rate: set sample_rate_hz in {}",
-            config.path.display()
-        ))),
+        None => broken(format!("does not say its sample rate: set sample_rate_hz in {}", config.path.display())),
     }
 }
 
 fn check_pre_trigger(series: &[Series], config: &Config, alike: &mut Alike) -> Result<(), Fault> {
     let told = series.iter().find_map(|series| series.pre_trigger_samples);
     let Some(before) = config.pre_trigger_samples.or(told) else {
-        return Err(Fault::Unsupported(format!(
+        return broken(format!(
             "does not say which sample is the trigger: set pre_trigger_samples in {}, or [cut] to find it",
             config.path.display()
-        )));
+        ));
     };
     let known = *alike.pre_trigger_samples.get_or_insert(before);
     if known != before {

@@ -162,38 +162,7 @@ fn headers_that_promise_too_much_are_refused() {
     let lead_in = [&b"TDSm"[..], &14_u32.to_le_bytes(), &4713_u32.to_le_bytes(), &offsets].concat();
     fs::write(path("0.tdms"), [lead_in, about, vec![0; 100]].concat()).unwrap();
     // UFF: so many values in a line of text.
-    let uff = format!(
-        "{:6}\n{:6}{:74}\n{:80}\n{:80}\n{:80}\n{:80}\n{:80}\n{:5}{:75}\n{:10}{:10}{:10}{:>13}{:>13}{:>13}\n{:10}{:15} {:<20} {:<20}\n{:10}{:15} {:<20} {:<20}\n{:80}\n{:80}\n{:20.11e}\n{:6}\n",
-        -1,
-        58,
-        "",
-        "",
-        "",
-        "",
-        "",
-        "",
-        1,
-        "",
-        4,
-        2_000_000_000,
-        1,
-        "0.0",
-        "1.95313E-05",
-        "0.0",
-        17,
-        "",
-        "Time",
-        "s",
-        13,
-        "",
-        "force",
-        "N",
-        "",
-        "",
-        1.0,
-        -1
-    );
-    fs::write(path("0.uff"), uff).unwrap();
+    fs::write(path("0.uff"), crate::faults::uff("force", 2_000_000_000)).unwrap();
     for (file, want) in [
         ("0.h5", "1000000000000 samples a channel; at most"),
         ("0.tdms", "are promised"),

@@ -245,10 +245,10 @@ fn mat5(variables: &[(&str, u32, u32, Vec<u8>)]) -> Vec<u8> {
     file
 }
 
-/// A Universal File with one function in time whose ordinate is called `label`.
-fn uff(label: &str) -> Vec<u8> {
+/// A Universal File with one function in time, whose ordinate is called `label`; it states `count` values and has four.
+pub(crate) fn uff(label: &str, count: u32) -> Vec<u8> {
     let blank = "NONE\n".repeat(5);
-    let form = format!("{:>10}{:>10}{:>10}{:>13}{:>13}{:>13}", 2, 4, 1, 0.0, 0.001, 0.0);
+    let form = format!("{:>10}{:>10}{:>10}{:>13}{:>13}{:>13}", 2, count, 1, 0.0, 0.001, 0.0);
     let ordinate = format!("{:>10}{:>5}{:>5}{:>5} {label:<20} {:<20}", 0, 0, 0, 0, "N");
     let text = format!(
         "    -1\n    58\n{blank}{:>5}\n{form}\n{:>10}\n{ordinate}\n{:>10}\n{:>10}\n{:>13}{:>13}{:>13}{:>13}\n    -1\n",
@@ -286,7 +286,7 @@ fn a_channel_is_found_whatever_the_case_of_its_name() {
         ("0.mat", mat5(&[("Force", 6, 9, of(&one))]), Ok(1.0)),
         ("0.mat", mat5(&[("FORCE", 6, 9, of(&[5.0; 4])), ("force", 6, 9, of(&one))]), Ok(1.0)),
         ("0.mat", mat5(&[("FORCE", 6, 9, of(&one)), ("Force", 6, 9, of(&one))]), Err("no channel \"force\"; it has")),
-        ("0.uff", uff("Force"), Ok(1.0)),
+        ("0.uff", uff("Force", 4), Ok(1.0)),
         ("0.csv", csv("FORCE,sound"), Ok(1.0)),
         ("0.csv", csv("Force,FORCE"), Err("no channel \"force\"; it has \"Force\", \"FORCE\"")),
         ("0.h5", hdf5(&["Force", "Sound"]), Ok(1.0)),

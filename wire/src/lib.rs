@@ -8,7 +8,8 @@
 //!
 //! 1. Every record carries the [`TapId`] it is about, and a sequence number; times are `i64` ns since the Unix epoch,
 //!    and only `acquire` reads a clock for a time that enters a result.
-//!    (`tests/laws.rs`: `law_1_...`; a clock elsewhere is refused by `clippy.toml`)
+//!    (`stream/topic.rs`: no topic has a header without a stamp; `tests/laws.rs`: `law_1_only_acquire_reads_a_clock_for_a_result`;
+//!    a clock elsewhere is refused by `clippy.toml`)
 //! 2. No record is dropped to keep up: a slow stage makes the sources wait. A gap in a sequence is a loss: it is counted and
 //!    logged at ERROR, and the missing taps are requested again.
 //!    (`tests/stream.rs`: all; `stream/subscriber.rs`: `a_gap_is_counted_once`; the program's `tests/faults/killed.rs`: all)
@@ -16,11 +17,11 @@
 //!    header. Only the writer to disk copies them; the archive returns them bit for bit.
 //!    (`record/tap.rs`: `samples_are_viewed_in_place`; the program's `tests/run/tap_sets.rs`: `a_clean_set_is_archived_bit_for_bit`)
 //! 4. Results do not depend on how the stream was interrupted, on the order of stations, or on the casings before.
-//!    (the program's `tests/run/results.rs`: `results_depend_on_nothing_but_their_input`)
+//!    (the program's `tests/run/results.rs`: `a_casing_does_not_depend_on_the_others`)
 //! 5. A scan ends in band. No end, or a tap missing without a reason, and there is no PASS.
-//!    (`fuse`: `never_pass_...`; the program's `tests/faults/killed.rs`: `an_interrupted_run_is_resumed`)
+//!    (`fuse`: `only_a_whole_sound_scan_passes`; the program's `tests/faults/killed.rs`: `an_interrupted_run_is_resumed`)
 //! 6. Same input, configuration and seed give the same results, byte for byte.
-//!    (the program's `tests/run/results.rs`: `results_depend_on_nothing_but_their_input`)
+//!    (the program's `tests/faults/killed.rs`: all; `tests/archives/reprocess.rs`: `the_same_lineage_gives_the_same_bits`)
 //! 7. The memory of a stage and the cost of a tap do not grow with the number of casings before.
 //!    (the program's `tests/line/endurance.rs`: `two_hundred_casings_leave_no_trace`)
 //!
@@ -88,7 +89,7 @@ pub use record::tap::{
     CACHE_LINE_BYTES, CHANNELS_MAX, CacheLine, Channel, ChannelHeader, SampleFormat, Samples, SourceKind, TapHeader,
     bytes_of, bytes_of_mut, cache_lines_for, f32_of_mut, i16_of_mut,
 };
-pub use stream::address::{FolderLock, LineAddress};
+pub use stream::address::LineAddress;
 pub use stream::error::LineError;
 pub use stream::line::Line;
 pub use stream::mailbox::Waker;

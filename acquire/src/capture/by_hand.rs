@@ -7,16 +7,13 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, SystemTime};
 
-use tapline_wire::{CacheLine, Plan, PlannedTap, Serial, SourceKind, TapHeader, now_ns};
+use tapline_wire::{CacheLine, PlannedTap, Serial, TapHeader, now_ns};
 
 use crate::capture::ear::Ear;
 use crate::capture::heard::HeardCasing;
 use crate::capture::{CaptureConfig, DeviceName};
 use crate::source::{serial_of, unknown_name};
-use crate::{Arrival, Arrivals, Casing, Error, Readiness, Refusal, ScanConfig, Source, Wake};
-
-/// How often to look without being woken; a tap that was heard wakes the station.
-const LOOK_EVERY: Duration = Duration::from_secs(1);
+use crate::{About, Arrival, Arrivals, Casing, Error, Readiness, Refusal, ScanConfig, Source, Wake};
 
 /// The casings that are tapped at a station without a rig: one after the other, each begins with its first tap.
 #[derive(Debug)]
@@ -104,7 +101,8 @@ impl Arrivals for ByHand {
         self.ear.forget_lost();
         let name = self.name();
         let serial = serial_of("the serial of a casing", &name)?;
-        let heard = HeardCasing::new(Arc::clone(&self.ear), &self.scan, serial, self.station)?;
+        let mut heard = HeardCasing::new(Arc::clone(&self.ear), &self.scan, serial, self.station)?;
+        (heard.about.can_retake, heard.about.room) = (false, 0);
         Ok(Arrival::Casing(Casing {
             name,
             taps: Box::new(TappedByHand {
@@ -129,10 +127,6 @@ impl Arrivals for ByHand {
     fn take_alarms(&mut self) -> Vec<String> {
         self.ear.take_alarms()
     }
-
-    fn look_every(&self) -> Duration {
-        LOOK_EVERY
-    }
 }
 
 /// A casing that is tapped in the order of its plan.
@@ -147,16 +141,8 @@ struct TappedByHand {
 }
 
 impl Source for TappedByHand {
-    fn plan(&self) -> &Plan {
-        self.heard.plan()
-    }
-
-    fn kind(&self) -> SourceKind {
-        self.heard.kind()
-    }
-
-    fn can_retake(&self) -> bool {
-        false
+    fn about(&self) -> &About {
+        self.heard.about()
     }
 
     fn poll(&mut self, row: u32, attempt: u16) -> Readiness {
@@ -166,12 +152,7 @@ impl Source for TappedByHand {
             );
         }
         if self.made.contains(&row) && !self.heard.has_taken(row) {
-            let file = self.heard.ear.device.to_owned();
-            return Readiness::Refused(Refusal {
-                file,
-                line: 0,
-                reason: "its samples are not kept any more".to_owned(),
-            });
+            return Readiness::Refused(self.heard.refusal("its samples are not kept any more"));
         }
         let readiness = self.heard.poll(row, attempt);
         if readiness == Readiness::Ready {
@@ -185,14 +166,8 @@ impl Source for TappedByHand {
         readiness
     }
 
-    fn render(
-        &mut self,
-        row: u32,
-        attempt: u16,
-        header: &mut TapHeader,
-        buffer: &mut [CacheLine],
-    ) -> Result<(), Refusal> {
-        self.heard.render(row, attempt, header, buffer)
+    fn fill(&mut self, header: &mut TapHeader, buffer: &mut [CacheLine]) -> Result<(), Refusal> {
+        self.heard.fill(header, buffer)
     }
 }
 

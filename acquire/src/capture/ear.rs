@@ -7,11 +7,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use tapline_wire::{CacheLine, now_ns};
+use tapline_wire::{CacheLine, f32_of_mut, i16_of_mut, now_ns};
 
 use crate::Wake;
 use crate::capture::device::{self, Chunk, Device};
-use crate::capture::ring::Samples;
+use crate::capture::ring::Ring;
 use crate::capture::{CaptureConfig, Crossing, DeviceName, NotTaps, Trigger};
 
 /// Most taps that wait to be taken.
@@ -53,7 +53,7 @@ pub(crate) struct Ear {
 
 #[derive(Debug)]
 struct State {
-    samples: Samples,
+    samples: Ring,
     /// The trigger level, a part of full scale.
     level: f64,
     /// Found, but their records are not whole yet.
@@ -97,9 +97,8 @@ impl Ear {
         wake: Wake,
         open: impl FnMut() -> Result<Box<dyn Device>, String> + Send + 'static,
     ) -> std::io::Result<Arc<Self>> {
-        let samples = Samples::new(config.bits, config.buffer_frames());
         let state = State {
-            samples,
+            samples: Ring::new(2, config.buffer_frames()),
             level: config.trigger.level,
             begun: VecDeque::new(),
             taps: VecDeque::new(),
@@ -181,7 +180,12 @@ impl Ear {
         if !self.is_whole(&state.samples, tap) {
             return false;
         }
-        state.samples.copy_to(self.first_frame(tap), count, buffer);
+        let (first, ring) = (self.first_frame(tap), &state.samples);
+        match self.config.bits {
+            // The counts that the device gave: as parts of full scale they were not rounded.
+            16 => ring.copy_to(first, &mut i16_of_mut(buffer)[..2 * count], |x| (x * COUNTS_FULL_SCALE) as i16),
+            _ => ring.copy_to(first, &mut f32_of_mut(buffer)[..2 * count], |x| x),
+        }
         true
     }
 
@@ -196,7 +200,7 @@ impl Ear {
     }
 
     /// Whether all of the record of `tap` is among `samples`.
-    fn is_whole(&self, samples: &Samples, tap: HeardTap) -> bool {
+    fn is_whole(&self, samples: &Ring, tap: HeardTap) -> bool {
         samples.has(self.first_frame(tap), self.config.sample_count as usize)
     }
 
@@ -212,12 +216,7 @@ impl Ear {
 
     /// The last `count` samples of the force and of the sound, parts of full scale; fewer where fewer have come.
     pub(crate) fn latest(&self, count: usize) -> [Vec<f32>; 2] {
-        match &self.state().samples {
-            Samples::I16(ring) => {
-                ring.latest(count).map(|channel| channel.map(|x| f32::from(x) / COUNTS_FULL_SCALE).collect())
-            }
-            Samples::F32(ring) => ring.latest(count).map(Iterator::collect),
-        }
+        self.state().samples.latest(count).map(Iterator::collect)
     }
 
     /// The alarms since the last call.
@@ -282,7 +281,7 @@ impl Ear {
                     self.state().alarm(&text);
                     self.lost(&mut trigger, frames);
                 }
-                chunk => self.hear(&mut trigger, chunk, behind, &mut force),
+                Chunk::F32(frames) => self.hear(&mut trigger, frames, behind, &mut force),
             });
             if let Err(why) = outcome {
                 return why;
@@ -301,21 +300,12 @@ impl Ear {
     }
 
     /// Takes a piece of the stream, `behind` which so many frames have come already.
-    fn hear(&self, trigger: &mut Trigger, chunk: Chunk<'_>, behind: u64, force: &mut Vec<f32>) {
+    fn hear(&self, trigger: &mut Trigger, frames: &[f32], behind: u64, force: &mut Vec<f32>) {
         let (width, picked) = (usize::from(self.config.channels), self.config.picked());
         let mut state = self.state();
         force.clear();
-        match (&mut state.samples, chunk) {
-            (Samples::I16(ring), Chunk::I16(frames)) => {
-                ring.push(frames, width, &picked);
-                force.extend(frames.chunks_exact(width).map(|frame| f32::from(frame[picked[0]]) / COUNTS_FULL_SCALE));
-            }
-            (Samples::F32(ring), Chunk::F32(frames)) => {
-                ring.push(frames, width, &picked);
-                force.extend(frames.chunks_exact(width).map(|frame| frame[picked[0]]));
-            }
-            _ => return,
-        }
+        state.samples.push(frames, width, &picked);
+        force.extend(frames.chunks_exact(width).map(|frame| frame[picked[0]]));
         state.fault = None;
         let end = state.samples.end();
         let (end_ns, end_at) = (now_ns(), Instant::now());

@@ -76,9 +76,8 @@ impl Cable {
     pub(crate) fn new(config: &CaptureConfig) -> Self {
         let (steps, played) = sync_channel(0);
         let played = Arc::new(Mutex::new(played));
-        let bits = config.bits;
         let open = move || match next(&played) {
-            Step::Opens => Ok(Box::new(Fake { played: Arc::clone(&played), bits }) as Box<dyn Device>),
+            Step::Opens => Ok(Box::new(Fake { played: Arc::clone(&played) }) as Box<dyn Device>),
             Step::Fails(why) => Err(why.to_owned()),
             other => Err(format!("{other:?} of a device that is not open")),
         };
@@ -114,17 +113,13 @@ fn next(played: &Mutex<Receiver<Step>>) -> Step {
 
 struct Fake {
     played: Arc<Mutex<Receiver<Step>>>,
-    bits: u16,
 }
 
 impl Device for Fake {
     fn read(&mut self, take: &mut dyn FnMut(Chunk<'_>, u64)) -> Result<(), String> {
-        let mut give = |frames: &[Frame], behind: u64| match self.bits {
-            16 => take(Chunk::I16(frames.as_flattened()), behind),
-            _ => {
-                let samples: Vec<f32> = frames.iter().flatten().map(|&x| f32::from(x) / 32_768.0).collect();
-                take(Chunk::F32(&samples), behind);
-            }
+        let mut give = |frames: &[Frame], behind: u64| {
+            let samples: Vec<f32> = frames.iter().flatten().map(|&x| f32::from(x) / 32_768.0).collect();
+            take(Chunk::F32(&samples), behind);
         };
         match next(&self.played) {
             Step::Frames(frames) => give(&frames, 0),

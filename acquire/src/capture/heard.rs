@@ -8,15 +8,14 @@ use tapline_wire::{
 
 use crate::capture::ear::{Ear, HeardTap};
 use crate::config::scan_taps::taps_of;
-use crate::source::{channel_headers, named, no_room};
-use crate::{Error, Readiness, Refusal, ScanConfig, Source};
+use crate::source::channel_headers;
+use crate::{About, Error, Readiness, Refusal, ScanConfig, Source};
 
 /// A casing whose taps are heard, in the order in which they are asked for.
 #[derive(Debug)]
 pub(crate) struct HeardCasing {
     pub(crate) ear: Arc<Ear>,
-    plan: Plan,
-    room: u32,
+    pub(crate) about: About,
     channels: [ChannelHeader; CHANNELS_MAX],
     /// The tap that was taken last: row, attempt, and where it was heard.
     taken: Option<((u32, u16), HeardTap)>,
@@ -33,7 +32,8 @@ impl HeardCasing {
         let counts = if config.bits == 16 { 32_768.0 } else { 1.0 };
         let per_count = Channel::BOTH.map(|channel| config.calibration.full_scale(channel) / counts);
         let channels = channel_headers(&plan.recording, &per_count);
-        Ok(Self { ear, plan, room: scan.room(), channels, taken: None })
+        let about = About { plan, kind: SourceKind::Captured, can_retake: true, room: scan.room() };
+        Ok(Self { ear, about, channels, taken: None })
     }
 
     /// Whether the tap that was taken last is of plan row `row`, and still there.
@@ -41,30 +41,18 @@ impl HeardCasing {
         self.taken.is_some_and(|((of, _), tap)| of == row && self.ear.has(tap))
     }
 
-    fn refusal(&self, reason: &str) -> Refusal {
+    pub(super) fn refusal(&self, reason: &str) -> Refusal {
         Refusal { file: self.ear.device.to_owned(), line: 0, reason: reason.to_owned() }
     }
 }
 
 impl Source for HeardCasing {
-    fn plan(&self) -> &Plan {
-        &self.plan
-    }
-
-    fn kind(&self) -> SourceKind {
-        SourceKind::Captured
-    }
-
-    fn can_retake(&self) -> bool {
-        true
-    }
-
-    fn room(&self) -> u32 {
-        self.room
+    fn about(&self) -> &About {
+        &self.about
     }
 
     fn grow(&mut self, plan: Plan) {
-        self.plan = plan;
+        self.about.plan = plan;
     }
 
     /// Takes the next tap that was heard for this one.
@@ -81,19 +69,9 @@ impl Source for HeardCasing {
         }
     }
 
-    fn render(
-        &mut self,
-        row: u32,
-        attempt: u16,
-        header: &mut TapHeader,
-        buffer: &mut [CacheLine],
-    ) -> Result<(), Refusal> {
-        let kind = self.kind();
-        *header = named(&self.plan, row, attempt, kind, header)?;
-        if let Some(reason) = no_room(buffer, self.plan.recording.payload_bytes_max()) {
-            return Err(self.refusal(&reason));
-        }
-        let tap = self.taken.filter(|(of, _)| *of == (row, attempt)).map(|(_, tap)| tap);
+    fn fill(&mut self, header: &mut TapHeader, buffer: &mut [CacheLine]) -> Result<(), Refusal> {
+        let asked = (header.plan_index, header.id.attempt);
+        let tap = self.taken.filter(|(of, _)| *of == asked).map(|(_, tap)| tap);
         let Some(tap) = tap else { return Err(self.refusal("the tap was not heard")) };
         if !self.ear.copy(tap, buffer) {
             return Err(self.refusal("samples of the tap were lost"));

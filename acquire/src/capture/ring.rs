@@ -1,21 +1,19 @@
 //! The last samples that were heard: bounded, and never waited for.
 
-use tapline_wire::{CacheLine, f32_of_mut, i16_of_mut};
-
-/// The samples of the last while, `[channel][frame]`; frames are numbered from the start of the stream.
+/// The samples of the last while, parts of full scale, `[channel][frame]`; frames are numbered from the start of the stream.
 #[derive(Debug)]
-pub(super) struct Ring<S> {
-    channels: Vec<Vec<S>>,
+pub(super) struct Ring {
+    channels: Vec<Vec<f32>>,
     /// Number of the frame that comes next.
     end: u64,
     /// Frames before this one are not there: they were never heard, or lie before an overrun.
     start: u64,
 }
 
-impl<S: Copy + Default> Ring<S> {
+impl Ring {
     /// With room for `frame_count` frames.
     pub(super) fn new(channel_count: usize, frame_count: usize) -> Self {
-        Self { channels: vec![vec![S::default(); frame_count.max(1)]; channel_count], end: 0, start: 0 }
+        Self { channels: vec![vec![0.0; frame_count.max(1)]; channel_count], end: 0, start: 0 }
     }
 
     pub(super) fn end(&self) -> u64 {
@@ -27,7 +25,7 @@ impl<S: Copy + Default> Ring<S> {
     }
 
     /// Adds `frames`, interleaved and `width` samples each, of which `picked` tells which become the channels, in their order.
-    pub(super) fn push(&mut self, frames: &[S], width: usize, picked: &[usize]) {
+    pub(super) fn push(&mut self, frames: &[f32], width: usize, picked: &[usize]) {
         let len = self.len();
         let first = (self.end % len as u64) as usize;
         for (channel, &place) in self.channels.iter_mut().zip(picked) {
@@ -51,70 +49,21 @@ impl<S: Copy + Default> Ring<S> {
     }
 
     /// The last `count` samples of the first two channels, the oldest first; fewer where fewer have come.
-    pub(super) fn latest(&self, count: usize) -> [impl Iterator<Item = S> + '_; 2] {
+    pub(super) fn latest(&self, count: usize) -> [impl Iterator<Item = f32> + '_; 2] {
         let count = (count as u64).min(self.end - self.start).min(self.len() as u64);
         let frames = self.end - count..self.end;
         [0, 1]
             .map(|channel: usize| frames.clone().map(move |n| self.channels[channel][(n % self.len() as u64) as usize]))
     }
 
-    /// Copies frames from `first` on, channel by channel, into `to`: as many as it has room for. Only if [`Self::has`] them.
-    pub(super) fn copy_to(&self, first: u64, to: &mut [S]) {
+    /// Copies frames from `first` on, channel by channel, into `to`, each sample as `of` makes it: as many as it has room for. Only
+    /// if [`Self::has`] them.
+    pub(super) fn copy_to<T>(&self, first: u64, to: &mut [T], of: impl Fn(f32) -> T) {
         let (len, count) = (self.len(), to.len() / self.channels.len().max(1));
         let at = (first % len as u64) as usize;
         for (channel, to) in self.channels.iter().zip(to.chunks_exact_mut(count.max(1))) {
-            let before_end = (len - at).min(count);
-            let (head, tail) = to.split_at_mut(before_end);
-            head.copy_from_slice(&channel[at..at + before_end]);
-            tail.copy_from_slice(&channel[..count - before_end]);
-        }
-    }
-}
-
-/// The last samples of force and sound, in the format of the device.
-#[derive(Debug)]
-pub(super) enum Samples {
-    /// Counts of 16 bits.
-    I16(Ring<i16>),
-    /// Parts of full scale.
-    F32(Ring<f32>),
-}
-
-impl Samples {
-    /// Of a device of so many `bits`, with room for `frame_count` frames.
-    pub(super) fn new(bits: u16, frame_count: usize) -> Self {
-        match bits {
-            16 => Self::I16(Ring::new(2, frame_count)),
-            _ => Self::F32(Ring::new(2, frame_count)),
-        }
-    }
-
-    pub(super) fn end(&self) -> u64 {
-        match self {
-            Self::I16(ring) => ring.end(),
-            Self::F32(ring) => ring.end(),
-        }
-    }
-
-    pub(super) fn has(&self, first: u64, count: usize) -> bool {
-        match self {
-            Self::I16(ring) => ring.has(first, count),
-            Self::F32(ring) => ring.has(first, count),
-        }
-    }
-
-    /// Copies `count` frames from `first` on into `buffer`, channel by channel. Only if it [`has`](Self::has) them.
-    pub(super) fn copy_to(&self, first: u64, count: usize, buffer: &mut [CacheLine]) {
-        match self {
-            Self::I16(ring) => ring.copy_to(first, &mut i16_of_mut(buffer)[..2 * count]),
-            Self::F32(ring) => ring.copy_to(first, &mut f32_of_mut(buffer)[..2 * count]),
-        }
-    }
-
-    pub(super) fn skip(&mut self, lost: u64) {
-        match self {
-            Self::I16(ring) => ring.skip(lost),
-            Self::F32(ring) => ring.skip(lost),
+            let heard = channel[at..].iter().chain(&channel[..at]);
+            to.iter_mut().zip(heard).for_each(|(to, &sample)| *to = of(sample));
         }
     }
 }
@@ -131,16 +80,17 @@ mod tests {
         fn what_is_there_is_what_was_heard(
             room in 1_usize..40, pieces in prop::collection::vec((0_usize..30, 0_u64..3), 1..12), first in 0_u64..200, count in 1_usize..30,
         ) {
-            let mut ring = Ring::<i16>::new(2, room);
-            let mut heard: Vec<Option<i16>> = Vec::new();
+            let mut ring = Ring::new(2, room);
+            let mut heard: Vec<Option<i32>> = Vec::new();
             for (frames, lost) in pieces {
                 let numbers = heard.len()..heard.len() + frames;
-                let interleaved: Vec<i16> = numbers.clone().flat_map(|n| [-1, 2 * n as i16, 2 * n as i16 + 1]).collect();
+                let interleaved: Vec<f32> =
+                    numbers.clone().flat_map(|n| [-1.0, 2.0 * n as f32, 2.0 * n as f32 + 1.0]).collect();
                 // A device gives no more at once than the ring holds.
                 for piece in interleaved.chunks(3 * room) {
                     ring.push(piece, 3, &[2, 1]);
                 }
-                heard.extend(numbers.map(|n| Some(n as i16)));
+                heard.extend(numbers.map(|n| Some(n as i32)));
                 if lost > 0 {
                     ring.skip(lost);
                     heard.fill(None);
@@ -148,12 +98,12 @@ mod tests {
                 }
             }
             let wanted = (first as usize..first as usize + count).map(|n| heard.get(n).copied().flatten());
-            let wanted: Option<Vec<i16>> = wanted.collect();
+            let wanted: Option<Vec<i32>> = wanted.collect();
             let in_room = heard.len() as u64 <= first + room as u64;
             prop_assert_eq!(ring.has(first, count), wanted.is_some() && in_room);
             if ring.has(first, count) {
                 let mut got = vec![0; 2 * count];
-                ring.copy_to(first, &mut got);
+                ring.copy_to(first, &mut got, |x| x as i32);
                 let wanted = wanted.unwrap();
                 prop_assert_eq!(&got[..count], wanted.iter().map(|n| 2 * n + 1).collect::<Vec<_>>());
                 prop_assert_eq!(&got[count..], wanted.iter().map(|n| 2 * n).collect::<Vec<_>>());

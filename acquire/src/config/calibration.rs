@@ -10,6 +10,7 @@ use tapline_wire::{Calibration, Certificate, Channel, ChannelCalibration, METHOD
 
 use crate::Error;
 use crate::config::refuse;
+use crate::text;
 
 /// Name of the file in a tap set.
 pub const CALIBRATION_FILE: &str = "calibration.toml";
@@ -52,11 +53,7 @@ impl CalibrationFile {
     pub fn read(path: &Path) -> Result<Self, Error> {
         let text =
             std::fs::read_to_string(path).map_err(|source| Error::Unreadable { file: path.to_owned(), source })?;
-        let file: Self = toml::from_str(&text).map_err(|error| Error::Syntax {
-            file: path.to_owned(),
-            line: 1 + text[..error.span().map_or(0, |span| span.start).min(text.len())].matches('\n').count(),
-            reason: error.message().replace('\n', ", "),
-        })?;
+        let file: Self = text::toml(path, &text)?;
         file.validate(&path.display().to_string())?;
         Ok(file)
     }

@@ -84,14 +84,6 @@ pub struct ScanConfig {
     pub tyre: Vec<TyreConfig>,
 }
 
-/// Once around a shoulder.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Turn {
-    pub offset_mm: f64,
-    pub velocity_m_per_s: f64,
-    pub repetition: u16,
-}
-
 /// One simulated tyre: an entry `[[scan.tyre]]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -188,18 +180,6 @@ impl ScanConfig {
 
     fn turns_at_an_offset(&self) -> usize {
         self.velocities_m_per_s.len() * usize::from(self.repetitions)
-    }
-
-    /// The turns around a shoulder, in their order.
-    pub(crate) fn turns(&self) -> Vec<Turn> {
-        let mut turns = Vec::new();
-        for &offset_mm in &self.offsets_mm {
-            for &velocity_m_per_s in &self.velocities_m_per_s {
-                let turn = |repetition| Turn { offset_mm, velocity_m_per_s, repetition };
-                turns.extend((0..self.repetitions).map(turn));
-            }
-        }
-        turns
     }
 
     /// What of the scan lets cracks pass, for people to read.

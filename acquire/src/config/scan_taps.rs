@@ -2,7 +2,6 @@
 
 use tapline_wire::{PlannedTap, Purpose, Serial, TapId};
 
-use crate::config::Turn;
 use crate::{Error, ScanConfig};
 
 /// Every tap of `tyres`, each with its station, in the order in which it is taken: tyre, shoulder, offset, velocity, repetition,
@@ -11,10 +10,15 @@ pub(crate) fn taps_of(scan: &ScanConfig, tyres: impl Iterator<Item = (Serial, u1
     let mut taps = Vec::new();
     for (serial, station) in tyres {
         for shoulder in 1..=scan.shoulders {
-            for Turn { offset_mm, velocity_m_per_s, repetition } in scan.turns() {
-                let mut id = id_of(offset_mm, velocity_m_per_s)?;
-                (id.tyre, id.station, id.shoulder, id.repetition) = (serial, station, shoulder, repetition);
-                taps.extend(turn(scan, id));
+            for &offset_mm in &scan.offsets_mm {
+                for &velocity_m_per_s in &scan.velocities_m_per_s {
+                    let mut id = id_of(offset_mm, velocity_m_per_s)?;
+                    (id.tyre, id.station, id.shoulder) = (serial, station, shoulder);
+                    for repetition in 0..scan.repetitions {
+                        id.repetition = repetition;
+                        taps.extend(turn(scan, id));
+                    }
+                }
             }
         }
     }

@@ -17,7 +17,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use tapline_model::SimulationConfig;
-use tapline_wire::{CacheLine, Plan, SourceKind, TapHeader};
+use tapline_wire::{CacheLine, Plan, TapHeader};
 
 use self::dialogue::{LinkConfig, Progress, Removal, Tap};
 use self::link::Link;
@@ -29,7 +29,9 @@ use crate::capture::heard::HeardCasing;
 use crate::capture::{CaptureConfig, DeviceName};
 use crate::simulated::{Tyre, rig_of};
 use crate::source::{no_such_row, serial_of};
-use crate::{Arrival, Arrivals, Casing, CasingEnd, Error, Readiness, Refusal, ScanConfig, SimulatedLine, Source, Wake};
+use crate::{
+    About, Arrival, Arrivals, Casing, CasingEnd, Error, Readiness, Refusal, ScanConfig, SimulatedLine, Source, Wake,
+};
 
 /// How often to look without being woken; the rig wakes the station whenever something has changed.
 const LOOK_EVERY: Duration = Duration::from_secs(5);
@@ -292,20 +294,8 @@ impl RigCasing {
 }
 
 impl Source for RigCasing {
-    fn plan(&self) -> &Plan {
-        self.struck.plan()
-    }
-
-    fn kind(&self) -> SourceKind {
-        self.struck.kind()
-    }
-
-    fn can_retake(&self) -> bool {
-        true
-    }
-
-    fn room(&self) -> u32 {
-        self.struck.room()
+    fn about(&self) -> &About {
+        self.struck.about()
     }
 
     fn grow(&mut self, plan: Plan) {
@@ -355,15 +345,9 @@ impl Source for RigCasing {
         }
     }
 
-    fn render(
-        &mut self,
-        row: u32,
-        attempt: u16,
-        header: &mut TapHeader,
-        buffer: &mut [CacheLine],
-    ) -> Result<(), Refusal> {
-        self.struck.render(row, attempt, header, buffer)?;
-        let Some(hit) = self.link.dialogue().hit(self.id, (row, attempt)) else {
+    fn fill(&mut self, header: &mut TapHeader, buffer: &mut [CacheLine]) -> Result<(), Refusal> {
+        self.struck.fill(header, buffer)?;
+        let Some(hit) = self.link.dialogue().hit(self.id, (header.plan_index, header.id.attempt)) else {
             return Err(self.refusal("the rig has not made this tap".to_owned()));
         };
         header.velocity_measured_m_per_s = hit.velocity_m_per_s;

@@ -6,6 +6,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+
 use super::played::Player;
 use super::protocol::{LineReader, ReadLine, UNKNOWN, VERSION};
 use super::script::RigScript;
@@ -55,7 +58,7 @@ pub fn serve_rig(listener: &TcpListener, script: &RigScript, stop: &AtomicBool) 
         script,
         stop,
         player,
-        dice: Dice(script.seed),
+        dice: ChaCha8Rng::seed_from_u64(script.seed),
         report: RigReport::default(),
         on_it: None,
         is_homed: false,
@@ -83,7 +86,8 @@ struct Rig<'a> {
     script: &'a RigScript,
     stop: &'a AtomicBool,
     player: Option<Player>,
-    dice: Dice,
+    /// Decides what happens to casings; no result depends on it.
+    dice: ChaCha8Rng,
     report: RigReport,
     on_it: Option<OnRig>,
     /// Whether it knows its position: not after it was off, or stopped.
@@ -148,7 +152,7 @@ impl Rig<'_> {
         let script = self.script;
         self.report.casings += 1;
         let number = self.report.casings;
-        let (is_unknown, is_repeated) = (self.dice.is(script.unknown), self.dice.is(script.repeated));
+        let (is_unknown, is_repeated) = (self.dice.random_bool(script.unknown), self.dice.random_bool(script.repeated));
         let place = usize::try_from(number - 1).unwrap_or(usize::MAX);
         let serial = match script.serials.get(place) {
             Some(serial) => serial.clone(),
@@ -159,8 +163,9 @@ impl Rig<'_> {
         if serial != UNKNOWN {
             self.before.clone_from(&serial);
         }
-        let (is_removed, is_switched_off) = (self.dice.is(script.removed), self.dice.is(script.switched_off));
-        let is_stopped = script.stopped > 0.0 && self.dice.is(script.stopped);
+        let (is_removed, is_switched_off) =
+            (self.dice.random_bool(script.removed), self.dice.random_bool(script.switched_off));
+        let is_stopped = self.dice.random_bool(script.stopped);
         if let Some(Err(error)) = self.player.as_mut().map(|player| player.load(&serial)) {
             tracing::error!("casing {serial} is not heard: {error}");
         }
@@ -172,7 +177,9 @@ impl Rig<'_> {
     /// Takes the casing off the rig; the next one comes after its gap.
     fn unload(&mut self) {
         self.on_it = None;
-        self.next_at = Instant::now() + self.dice.between(self.script.gap_s);
+        let [from, to] = self.script.gap_s;
+        let gap_s = self.dice.random_range(from..=to);
+        self.next_at = Instant::now() + Duration::try_from_secs_f64(gap_s).unwrap_or_default();
     }
 
     /// Answers the station's `line`; returns whether the rig is still on.
@@ -182,7 +189,7 @@ impl Rig<'_> {
             "ping" => say(stream, "pong")?,
             "scan" => {
                 let taps: u64 = rest.rsplit(' ').next().and_then(|taps| taps.parse().ok()).unwrap_or(1);
-                let at_hit = 1 + self.dice.below(taps);
+                let at_hit = 1 + self.dice.random_range(0..taps.max(1));
                 if let Some(casing) = self.on_it.as_mut().filter(|casing| casing.hits == 0) {
                     casing.at_hit = at_hit;
                 }
@@ -227,7 +234,7 @@ impl Rig<'_> {
         if casing.hits == casing.at_hit && casing.is_switched_off {
             casing.is_switched_off = false;
             self.report.switched_off += 1;
-            if self.dice.is(script.swapped) {
+            if self.dice.random_bool(script.swapped) {
                 self.report.removed += 1;
                 self.on_it = None;
             }
@@ -249,26 +256,29 @@ impl Rig<'_> {
             return Ok(true);
         }
         self.rest(script.hit_s);
-        if self.dice.is(script.failed_hits) {
+        if self.dice.random_bool(script.failed_hits) {
             self.report.failed_hits += 1;
             say(stream, "error no air")?;
             return Ok(true);
         }
         self.report.hits += 1;
         if let Some(player) = &mut self.player {
-            let (is_missed, is_double) = (self.dice.is(script.missed_hits), self.dice.is(script.double_hits));
+            let (is_missed, is_double) =
+                (self.dice.random_bool(script.missed_hits), self.dice.random_bool(script.double_hits));
             self.report.missed_hits += u64::from(is_missed);
             self.report.double_hits += u64::from(is_double && !is_missed);
             player.hit(velocity, if is_missed { 0 } else { 1 + usize::from(is_double) });
         }
-        let measured = velocity * (1.0 + script.velocity_error * (2.0 * self.dice.uniform() - 1.0));
+        let error = self.dice.random_range(-script.velocity_error..=script.velocity_error);
+        let measured = velocity * (1.0 + error);
         say(stream, &format!("hit {measured}"))?;
         Ok(true)
     }
 
     fn be_off(&mut self) {
-        let time = self.dice.between(self.script.off_s);
-        self.rest(time.as_secs_f64());
+        let [from, to] = self.script.off_s;
+        let time_s = self.dice.random_range(from..=to);
+        self.rest(time_s);
     }
 
     /// Waits for `time_s`, unless it is to stop.
@@ -284,34 +294,4 @@ impl Rig<'_> {
 
 fn say(stream: &mut TcpStream, line: &str) -> io::Result<()> {
     stream.write_all(format!("{line}\n").as_bytes())
-}
-
-/// Random numbers for what happens to casings (SplitMix64); no result depends on them.
-struct Dice(u64);
-
-impl Dice {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
-    fn uniform(&mut self) -> f64 {
-        (self.next() >> 11) as f64 * (-53.0_f64).exp2()
-    }
-
-    fn is(&mut self, share: f64) -> bool {
-        self.uniform() < share
-    }
-
-    fn below(&mut self, end: u64) -> u64 {
-        self.next() % end.max(1)
-    }
-
-    fn between(&mut self, [from, to]: [f64; 2]) -> Duration {
-        Duration::try_from_secs_f64(from + (to - from) * self.uniform()).unwrap_or_default()
-    }
 }

@@ -1,16 +1,12 @@
 //! The finite list of simulated tyres that a run scans: each is made when its turn comes, and given away.
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use tapline_model::SimulationConfig;
 use tapline_wire::{CasingLimits, Plan, digest_of_parts};
 
 use crate::simulated::{Tyre, default_tyre, plan_of, rig_of, station_of, tyre_of};
 use crate::{Arrival, Arrivals, Casing, Error, ScanConfig, SimulatedLine};
-
-/// What waits for nothing is asked again this late.
-const LOOK_EVERY: Duration = Duration::from_secs(60);
 
 /// The casings of a simulated scan.
 #[derive(Debug, Clone)]
@@ -33,30 +29,16 @@ pub fn listed_simulated(scan: &ScanConfig, simulation: &SimulationConfig) -> Res
     scan.validate()?;
     let world = World { scan: scan.clone(), simulation: simulation.clone() };
     // The cracks of all tyres are checked now, not when the turn of each comes: one rig a tyre, kept by nobody.
-    if scan.tyre.is_empty() {
-        rig_of(scan, simulation, &[])?;
-    } else {
-        let tyres: Vec<Tyre> = (0..scan.tyre.len()).map(|number| tyre_of(scan, number)).collect::<Result<_, _>>()?;
-        rig_of(scan, simulation, &tyres)?;
-    }
+    let tyres: Vec<Tyre> = (0..scan.tyre.len()).map(|number| tyre_of(scan, number)).collect::<Result<_, _>>()?;
+    rig_of(scan, simulation, &tyres)?;
     Ok(SimulatedList { world: Arc::new(world) })
 }
 
 impl SimulatedList {
-    /// How many casings there are.
-    pub fn len(&self) -> usize {
-        self.world.scan.tyre_count()
-    }
-
-    /// Whether there is no casing.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
     /// Name, station and plan of every casing, in order; each plan is made as it is asked for.
     pub fn listed(&self) -> impl Iterator<Item = Result<(String, u16, Plan), Error>> + '_ {
         let World { scan, simulation } = &*self.world;
-        (0..self.len()).map(move |number| {
+        (0..scan.tyre_count()).map(move |number| {
             let tyre = tyre_of(scan, number)?;
             let plan = plan_of(scan, simulation, std::slice::from_ref(&tyre))?;
             Ok((tyre.serial.to_string(), tyre.station, plan))
@@ -65,7 +47,8 @@ impl SimulatedList {
 
     /// The stations that have casings, ascending.
     pub fn stations(&self) -> Vec<u16> {
-        let mut stations: Vec<u16> = (0..self.len()).map(|number| station_of(&self.world.scan, number)).collect();
+        let scan = &self.world.scan;
+        let mut stations: Vec<u16> = (0..scan.tyre_count()).map(|number| station_of(scan, number)).collect();
         stations.sort_unstable();
         stations.dedup();
         stations
@@ -160,14 +143,6 @@ impl Arrivals for SimulatedTyres {
             taps.set_source(digest_of_parts(texts.iter().map(String::as_bytes)));
         }
         Ok(Arrival::Casing(Casing { name: tyre.serial.to_string(), taps: Box::new(taps) }))
-    }
-
-    fn waits_for(&self) -> String {
-        "nothing: simulated tyres are always there".to_owned()
-    }
-
-    fn look_every(&self) -> Duration {
-        LOOK_EVERY
     }
 }
 

@@ -69,7 +69,7 @@ fn what_is_listed_comes() {
     for scan in [scan(), ScanConfig { tyre: Vec::new(), ..scan() }] {
         let list = listed_simulated(&scan, &simulation()).unwrap();
         let listed: Vec<_> = list.listed().map(Result::unwrap).collect();
-        assert_eq!((listed.len(), list.stations()), (list.len(), vec![1, 2]));
+        assert_eq!((listed.len(), list.stations()), (scan.tyre_count(), vec![1, 2]));
         let whole = SimulatedLine::new(&scan, &simulation()).unwrap();
         let mut truth = tapline_wire::Truth::new();
         for station in [1, 2] {

@@ -9,8 +9,8 @@ use tapline_wire::{
 };
 
 use crate::config::scan_taps::taps_of;
-use crate::source::{channel_headers, named, no_room, serial_of};
-use crate::{Error, Refusal, ScanConfig, Source};
+use crate::source::{channel_headers, serial_of};
+use crate::{About, Error, Refusal, ScanConfig, Source};
 
 /// The key of a tyre's serial.
 pub(crate) const SERIAL: &str = "scan.tyre.serial";
@@ -24,15 +24,13 @@ const COUNTS_FULL_SCALE: f64 = 32_768.0;
 /// Stations that tap simulated tyres, with nothing left to chance but what the seed decides.
 #[derive(Debug)]
 pub struct SimulatedLine {
-    plan: Plan,
+    about: About,
     rig: SimulatedRig,
     locations: u32,
     channels: [ChannelHeader; CHANNELS_MAX],
     /// When each tap of the plan happens, ns since the Unix epoch.
     tap_time_ns: Vec<i64>,
     times: Times,
-    /// Taps that may be added to the plan.
-    room: u32,
 }
 
 /// A tyre of the line, as it was written or as it is by default.
@@ -69,7 +67,7 @@ impl SimulatedLine {
 
     /// Has the plan tell what it simulates from other simulations of the same taps.
     pub(crate) fn set_source(&mut self, source_digest: u64) {
-        self.plan = self.plan.clone().with_source(source_digest);
+        self.about.plan = self.about.plan.clone().with_source(source_digest);
     }
 
     /// The line of `tyres`, of which each station starts at its place in `start_ns`.
@@ -84,8 +82,8 @@ impl SimulatedLine {
         let full_scales = [simulation.force_full_scale_n, simulation.sound_full_scale_v];
         let channels = channel_headers(&plan.recording, &full_scales.map(|full_scale| full_scale / COUNTS_FULL_SCALE));
         let tap_time_ns = times_of(scan, &plan, start_ns);
-        let (times, room) = (Times::of(scan), scan.room());
-        Ok(Self { plan, rig, locations: scan.locations, channels, tap_time_ns, times, room })
+        let about = About { plan, kind: SourceKind::Simulated, can_retake: true, room: scan.room() };
+        Ok(Self { about, rig, locations: scan.locations, channels, tap_time_ns, times: Times::of(scan) })
     }
 
     fn tap<'a>(&self, id: &'a TapId) -> SimulatedTap<'a> {
@@ -103,20 +101,8 @@ impl SimulatedLine {
 }
 
 impl Source for SimulatedLine {
-    fn plan(&self) -> &Plan {
-        &self.plan
-    }
-
-    fn kind(&self) -> SourceKind {
-        SourceKind::Simulated
-    }
-
-    fn can_retake(&self) -> bool {
-        true
-    }
-
-    fn room(&self) -> u32 {
-        self.room
+    fn about(&self) -> &About {
+        &self.about
     }
 
     fn grow(&mut self, plan: Plan) {
@@ -127,23 +113,12 @@ impl Source for SimulatedLine {
             now_ns = now_ns.saturating_add(self.times.between(&before.id, &tap.id));
             self.tap_time_ns.push(now_ns);
         }
-        self.plan = plan;
+        self.about.plan = plan;
     }
 
-    fn render(
-        &mut self,
-        row: u32,
-        attempt: u16,
-        header: &mut TapHeader,
-        buffer: &mut [CacheLine],
-    ) -> Result<(), Refusal> {
-        let kind = self.kind();
-        *header = named(&self.plan, row, attempt, kind, header)?;
-        if let Some(reason) = no_room(buffer, self.plan.recording.payload_bytes_max()) {
-            return Err(Refusal { file: "simulation".to_owned(), line: 0, reason });
-        }
+    fn fill(&mut self, header: &mut TapHeader, buffer: &mut [CacheLine]) -> Result<(), Refusal> {
         let config = self.rig.config();
-        header.tap_time_ns = self.tap_time_ns[row as usize];
+        header.tap_time_ns = self.tap_time_ns[header.plan_index as usize];
         header.microphone_distance_m = config.microphone_distance_m;
         header.sample_count = config.sample_count;
         header.channels = self.channels;

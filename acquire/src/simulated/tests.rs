@@ -170,7 +170,7 @@ fn a_wrong_request_is_refused() {
     let refusal = line.render(99_999, 0, &mut TapHeader::default(), &mut []).unwrap_err();
     assert_eq!(refusal.to_string(), "plan: row 99999 does not exist; the plan has 78 rows");
     let refusal = line.render(0, 0, &mut TapHeader::default(), &mut []).unwrap_err();
-    assert_eq!(refusal.to_string(), "simulation: the loan has 0 bytes; the samples need 8192");
+    assert_eq!(refusal.to_string(), "plan: the loan has 0 bytes; the samples need 8192");
 }
 
 proptest! {

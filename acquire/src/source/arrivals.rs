@@ -66,7 +66,9 @@ pub trait Arrivals: Send + fmt::Debug {
     }
 
     /// What is waited for while [`Arrivals::next`] says [`Arrival::NotYet`], for people: `the rig at 127.0.0.1:7001`.
-    fn waits_for(&self) -> String;
+    fn waits_for(&self) -> String {
+        "nothing: its casings are there".to_owned()
+    }
 
     /// For how long a casing may be away that was half tapped: on a rig it may come back, and is taken away for good when
     /// another follows it. From a list or a folder each comes until it is done, and what does not come is gone: `None`.
@@ -85,5 +87,7 @@ pub trait Arrivals: Send + fmt::Debug {
     }
 
     /// How soon `next` and [`Source::poll`] should be asked again when nothing wakes the loop.
-    fn look_every(&self) -> Duration;
+    fn look_every(&self) -> Duration {
+        Duration::from_secs(1)
+    }
 }

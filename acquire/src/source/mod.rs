@@ -8,26 +8,33 @@ use tapline_wire::{CHANNELS_MAX, CacheLine, ChannelHeader, Plan, Recording, Seri
 
 use crate::Error;
 
+/// What is to be known of a source before any of its taps.
+#[derive(Debug)]
+pub struct About {
+    /// Every tap there is to render.
+    pub plan: Plan,
+    /// What kind of source this is.
+    pub kind: SourceKind,
+    /// Whether a tap that is asked for again is struck again, or is what it was.
+    pub can_retake: bool,
+    /// How many taps it can give besides those of its plan, of the same scans.
+    pub room: u32,
+}
+
 /// A source of taps: those of one casing at one station.
 ///
 /// A tap depends on its plan row and attempt alone, never on what was rendered before it: a run that is resumed,
 /// retaken or split over stations gets the same bytes.
 pub trait Source: Send + fmt::Debug {
+    /// What is to be known of it before any of its taps.
+    fn about(&self) -> &About;
+
     /// Every tap there is to render.
-    fn plan(&self) -> &Plan;
-
-    /// What kind of source this is.
-    fn kind(&self) -> SourceKind;
-
-    /// Whether a tap that is asked for again is struck again, or is what it was.
-    fn can_retake(&self) -> bool;
-
-    /// How many taps it can give besides those of its plan, of the same scans.
-    fn room(&self) -> u32 {
-        0
+    fn plan(&self) -> &Plan {
+        &self.about().plan
     }
 
-    /// Has its plan become `plan`, which has taps added to its own; never more than its [room](Self::room).
+    /// Has its plan become `plan`, which has taps added to its own; never more than its [room](About::room).
     fn grow(&mut self, plan: Plan) {
         let _recorded = plan;
     }
@@ -54,7 +61,23 @@ pub trait Source: Send + fmt::Debug {
         attempt: u16,
         header: &mut TapHeader,
         buffer: &mut [CacheLine],
-    ) -> Result<(), Refusal>;
+    ) -> Result<(), Refusal> {
+        let About { plan, kind, .. } = self.about();
+        *header = named(plan, row, attempt, *kind, header)?;
+        let (need_bytes, got_bytes) = (plan.recording.payload_bytes_max(), size_of_val(buffer));
+        // A caller's mistake, but no reason to stop a line.
+        if got_bytes < need_bytes {
+            let reason = format!("the loan has {got_bytes} bytes; the samples need {need_bytes}");
+            return Err(Refusal { file: "plan".to_owned(), line: 0, reason });
+        }
+        self.fill(header, buffer)
+    }
+
+    /// Fills in the samples and the rest of `header`, which names the tap already; `buffer` has room for them.
+    ///
+    /// # Errors
+    /// As [`Source::render`].
+    fn fill(&mut self, header: &mut TapHeader, buffer: &mut [CacheLine]) -> Result<(), Refusal>;
 }
 
 /// Whether a tap can be rendered now.
@@ -144,12 +167,6 @@ pub(crate) fn no_such_row(plan: &Plan, row: u32) -> Refusal {
         line: 0,
         reason: format!("row {row} does not exist; the plan has {} rows", plan.taps().len()),
     }
-}
-
-/// The refusal of a loan that is too small: as [`no_such_row`].
-pub(crate) fn no_room(buffer: &[CacheLine], need_bytes: usize) -> Option<String> {
-    let got_bytes = size_of_val(buffer);
-    (got_bytes < need_bytes).then(|| format!("the loan has {got_bytes} bytes; the samples need {need_bytes}"))
 }
 
 /// The serial `text`, which `key` states.

@@ -43,13 +43,14 @@ impl<'a> Outlet<'a> {
 
     /// Which limit of the line `source` exceeds, in words; `None` if it fits.
     pub(crate) fn exceeded_by(&self, source: &dyn Source) -> Option<String> {
-        self.line.limits().casing.exceeded_by(source.plan(), source.room() as usize)
+        self.line.limits().casing.exceeded_by(source.plan(), source.about().room as usize)
     }
 
     /// Proposes the casing `name` at `station`.
     pub(crate) fn propose(&self, station: u16, name: &str, source: &dyn Source) -> Result<(), LineError> {
         let stamp = Stamp { mark: station.into(), ..Stamp::default() };
-        self.proposals.send(RecordKind::Plan, stamp, &encode_proposal(name, &source.plan().begun(), source.room()))
+        let proposal = encode_proposal(name, &source.plan().begun(), source.about().room);
+        self.proposals.send(RecordKind::Plan, stamp, &proposal)
     }
 
     /// Gives up the casing numbered `casing`: its missing taps will not come.
@@ -66,7 +67,7 @@ impl<'a> Outlet<'a> {
         row: u32,
         attempt: u16,
     ) -> Result<(), LineError> {
-        let retakes_left = if source.can_retake() { self.retakes.saturating_sub(attempt) } else { 0 };
+        let retakes_left = if source.about().can_retake { self.retakes.saturating_sub(attempt) } else { 0 };
         let mut loan = self.taps.loan(cache_lines_for(source.plan().recording.payload_bytes_max()))?;
         let rendered = loan.fill(|header, buffer| {
             let rendered = source.render(row, attempt, header, buffer);
@@ -102,7 +103,7 @@ impl<'a> Outlet<'a> {
         let mut header = TapHeader { id: planned.id, plan_index: row, ..TapHeader::default() };
         header.stamp.casing = casing;
         header.id.attempt = attempt;
-        header.source = source.kind().code();
+        header.source = source.about().kind.code();
         self.refuse(refusal, header)
     }
 

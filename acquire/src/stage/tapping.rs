@@ -67,7 +67,7 @@ impl Tapping {
     /// asked for, their verdicts.
     pub(crate) fn is_ended(&self) -> bool {
         let last =
-            if self.casing.taps.room() > 0 && self.gone.is_none() { ScanState::Judged } else { ScanState::Ended };
+            if self.casing.taps.about().room > 0 && self.gone.is_none() { ScanState::Judged } else { ScanState::Ended };
         self.has_reached(last)
     }
 

@@ -3,16 +3,12 @@
 use std::collections::VecDeque;
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Duration;
 
 use tapline_wire::{CasingLimits, Plan};
 
 use crate::tap_set::casings::{SetCasing, casings_of, check_station_count};
 use crate::tap_set::recordings::Recordings;
 use crate::{Arrival, Arrivals, Casing, Error, Refusal, Source as _, TapSet};
-
-/// Interval of looking for a change; a list never waits for one.
-const LOOK_EVERY: Duration = Duration::from_secs(60);
 
 /// The casings of a tap set.
 #[derive(Debug, Clone)]
@@ -36,13 +32,8 @@ pub fn listed_tap_set(dir: &Path, station_count: u16) -> Result<TapSetList, Erro
 
 impl TapSetList {
     /// Number of casings.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.casings.len()
-    }
-
-    /// Whether there is no casing.
-    pub fn is_empty(&self) -> bool {
-        self.casings.is_empty()
     }
 
     /// Name, station and plan of every casing, in order of first appearance. Each plan is made when the iterator
@@ -126,14 +117,6 @@ impl Arrivals for Listed {
             Some(number) => Ok(Arrival::Casing(self.list.casing(number, self.station)?)),
             None => Ok(Arrival::Ended),
         }
-    }
-
-    fn waits_for(&self) -> String {
-        "nothing: the tap set is there".to_owned()
-    }
-
-    fn look_every(&self) -> Duration {
-        LOOK_EVERY
     }
 }
 

@@ -11,12 +11,10 @@ pub(crate) mod scales;
 pub(crate) mod scan_toml;
 pub(crate) mod table;
 pub(crate) mod taps_csv;
-mod text;
 mod truth_csv;
 pub(crate) mod watched_folder;
 mod wav;
 
-use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::io::{Read, Seek};
 use std::path::Path;
@@ -24,13 +22,13 @@ use std::sync::Arc;
 
 use tapline_wire::{CacheLine, Plan, SampleFormat, SourceKind, TapHeader};
 
-use crate::source::{channel_headers, named, no_room};
+use crate::source::channel_headers;
 use crate::tap_set::casings::{SetCasing, casings_of, check_station_count};
 use crate::tap_set::recordings::{Recordings, check_format, check_shape};
 use crate::tap_set::scan_toml::ScanToml;
 use crate::tap_set::taps_csv::TapRow;
 use crate::tap_set::wav::{WavFault, WavHeader};
-use crate::{Error, Refusal, Source};
+use crate::{About, Error, Refusal, Source};
 
 /// Counts of a full-scale 16-bit sample.
 const COUNTS_FULL_SCALE: f64 = 32_768.0;
@@ -41,7 +39,7 @@ const COUNTS_FULL_SCALE: f64 = 32_768.0;
 #[derive(Debug)]
 pub struct TapSet {
     set: Arc<Recordings>,
-    plan: Plan,
+    about: About,
     /// The row of the set for every row of the plan.
     rows: Vec<u32>,
     scratch: Vec<u8>,
@@ -69,19 +67,18 @@ impl TapSet {
         }
         let rows: Vec<u32> = (0..).zip(&set.taps).map(|(row, _)| row).collect();
         let plan = set.plan(&rows, |row| stations[row])?;
-        Ok(Self { set: Arc::new(set), plan, rows, scratch: Vec::new() })
+        Ok(Self::of(Arc::new(set), plan, rows))
     }
 
     /// The taps of `casing` of `set`, at `station`.
     pub(crate) fn from_casing(set: &Arc<Recordings>, casing: &SetCasing, station: u16) -> Result<Self, Error> {
         let plan = set.plan(&casing.rows, |_| station)?;
-        Ok(Self { set: Arc::clone(set), plan, rows: casing.rows.clone(), scratch: Vec::new() })
+        Ok(Self::of(Arc::clone(set), plan, casing.rows.clone()))
     }
 
-    /// The remarks in `scan.toml`, which do not affect results: units, description, source and licence of the
-    /// recordings.
-    pub fn remarks(&self) -> &BTreeMap<String, String> {
-        &self.set.scan.remarks
+    fn of(set: Arc<Recordings>, plan: Plan, rows: Vec<u32>) -> Self {
+        let about = About { plan, kind: SourceKind::TapSet, can_retake: false, room: 0 };
+        Self { set, about, rows, scratch: Vec::new() }
     }
 
     /// The taps that will be refused, as far as the headers of their recordings show, in the order of the plan.
@@ -93,7 +90,7 @@ impl TapSet {
     fn fault(&self, row: u32) -> Option<String> {
         match self.set.header(row) {
             Err(fault) => Some(fault.to_owned()),
-            Ok(wav) => check_format(wav, self.plan.recording.sample_format).err().map(|fault| fault.to_string()),
+            Ok(wav) => check_format(wav, self.plan().recording.sample_format).err().map(|fault| fault.to_string()),
         }
     }
 
@@ -103,7 +100,7 @@ impl TapSet {
     }
 
     fn read(&mut self, row: u32, buffer: &mut [CacheLine]) -> Result<u32, WavFault> {
-        let recording = &self.plan.recording;
+        let recording = &self.about.plan.recording;
         let (mut file, file_bytes) = wav::open(&self.set.dir.join(&self.set.taps[row as usize].file))?;
         // The header is read again because the file may have changed since the set was opened.
         let wav = header(&mut file, &self.set.taps[row as usize].file, file_bytes, &self.set.scan)?;
@@ -118,38 +115,22 @@ impl TapSet {
 }
 
 impl Source for TapSet {
-    fn plan(&self) -> &Plan {
-        &self.plan
+    fn about(&self) -> &About {
+        &self.about
     }
 
-    fn kind(&self) -> SourceKind {
-        SourceKind::TapSet
-    }
-
-    fn can_retake(&self) -> bool {
-        false
-    }
-
-    fn render(
-        &mut self,
-        row: u32,
-        attempt: u16,
-        header: &mut TapHeader,
-        buffer: &mut [CacheLine],
-    ) -> Result<(), Refusal> {
-        let kind = self.kind();
-        *header = named(&self.plan, row, attempt, kind, header)?;
-        let row = self.rows[row as usize];
+    fn fill(&mut self, header: &mut TapHeader, buffer: &mut [CacheLine]) -> Result<(), Refusal> {
+        let row = self.rows[header.plan_index as usize];
         let TapRow { velocity_measured_m_per_s, extras, .. } = &self.set.taps[row as usize];
         let scan = &self.set.scan;
-        let recording = &self.plan.recording;
-        header.id.attempt = attempt.max(extras.attempt);
+        let recording = &self.plan().recording;
+        header.id.attempt = header.id.attempt.max(extras.attempt);
         header.tap_time_ns = extras.tap_time_ns;
         header.velocity_measured_m_per_s = velocity_measured_m_per_s.unwrap_or(f64::NAN);
         header.microphone_distance_m = extras.microphone_distance_m.unwrap_or(scan.microphone_distance_m);
         let full_scales = self.set.scales.of_tap(&scan.channels, extras);
         header.channels = channel_headers(recording, &per_count(&full_scales, recording.sample_format));
-        if let Some(reason) = self.fault(row).or_else(|| no_room(buffer, recording.payload_bytes_max())) {
+        if let Some(reason) = self.fault(row) {
             return Err(self.refusal(row, reason));
         }
         header.sample_count = self.read(row, buffer).map_err(|fault| self.refusal(row, fault.to_string()))?;

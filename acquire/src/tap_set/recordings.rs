@@ -11,7 +11,8 @@ use crate::tap_set::scales::Scales;
 use crate::tap_set::scan_toml::{self, ScanToml};
 use crate::tap_set::taps_csv::{self, TapRow};
 use crate::tap_set::wav::{self, WavFault, WavHeader};
-use crate::tap_set::{header, text, truth_csv};
+use crate::tap_set::{header, truth_csv};
+use crate::text;
 use crate::{Error, Refusal};
 
 /// Bytes at the beginning of a recording's file that identify it.

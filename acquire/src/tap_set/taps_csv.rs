@@ -417,12 +417,6 @@ mod tests {
     }
 
     proptest! {
-        /// Catches a panic on numbers at and beyond every bound.
-        #[test]
-        fn no_row_makes_it_panic(rows in proptest::collection::vec("[a.]{0,3},T,[12],(-?[0-9]{0,9}|nan|inf|1e308)?,[0-9.e-]{0,5},(100|999999|[0-9]{1,11}),(360|3.6)?,[0-9]?", 1..6)) {
-            let _unused = parsed(Geometry::Ring, &rows.join("\n"));
-        }
-
         /// Catches a closing tap that has another tap's identity, for any order of rows.
         #[test]
         fn names_stay_distinct(count in 1u32..20, closing_at in 0usize..20) {

@@ -10,7 +10,6 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufRead as _, BufReader, Write as _};
 use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use rustix::fs::{CWD, OFlags, RenameFlags, renameat_with};
 
@@ -28,9 +27,6 @@ const CLOSED: &str = ".closed";
 
 /// Largest number of sets of one name in one folder.
 const SAME_NAME_MAX: u32 = 100_000;
-
-/// How often to look into the folder.
-const LOOK_EVERY: Duration = Duration::from_secs(1);
 
 /// The tap sets of one folder, in the order of their names.
 #[derive(Debug)]
@@ -295,10 +291,6 @@ impl Arrivals for FolderArrivals {
 
     fn take_alarms(&mut self) -> Vec<String> {
         std::mem::take(&mut self.alarms)
-    }
-
-    fn look_every(&self) -> Duration {
-        LOOK_EVERY
     }
 }
 

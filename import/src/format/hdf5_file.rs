@@ -43,9 +43,9 @@ impl Hdf5File {
                 Ok(dataset) => {
                     return match channel {
                         Pick::Number(number) => Ok((dataset, Some(*number))),
-                        Pick::Name(name) => Err(Fault::Unsupported(format!(
+                        Pick::Name(name) => broken(format!(
                             "part {part:?} is a dataset, which has no channel {name:?}: give channels by number"
-                        ))),
+                        )),
                     };
                 }
                 Err(_) if has(&self.file, part) => self.file.group(part).map_err(fault_of)?,
@@ -59,10 +59,7 @@ impl Hdf5File {
         match channel {
             Pick::Name(name) if has(&group, name) => {
                 let dataset = group.dataset(name);
-                Ok((
-                    dataset.map_err(|_no_dataset| Fault::Unsupported(format!("{name:?} is no dataset")))?,
-                    line_of_part,
-                ))
+                Ok((dataset.map_err(|_no_dataset| Fault::Broken(format!("{name:?} is no dataset")))?, line_of_part))
             }
             Pick::Number(number) => {
                 // The lines of the only dataset, or the datasets in the order of their names.
@@ -191,9 +188,9 @@ impl Recorded for Hdf5File {
             TypeDescriptor::Float(FloatSize::U4) => Series::of_floats(read(&dataset, line)?)?,
             TypeDescriptor::Float(FloatSize::U8) => Series::of_doubles(&read(&dataset, line)?)?,
             other => {
-                return Err(Fault::Unsupported(format!(
+                return broken(format!(
                     "channel {channel} holds values of type {other}; signed integers and floats are read"
-                )));
+                ));
             }
         };
         series.sample_rate_hz = self.number(part, &dataset, &RATE_NAMES);

@@ -125,7 +125,7 @@ pub(crate) fn open(file: &Path) -> Result<Box<dyn Recorded>, Fault> {
         Some(Kind::Tdms) => Box::new(tdms::Tdms::open(file)?),
         None => {
             let known = ENDINGS.map(|(ending, _)| ending).join(", ");
-            return Err(Fault::Unsupported(format!("its ending is none that is read: {known}")));
+            return broken(format!("its ending is none that is read: {known}"));
         }
     })
 }
@@ -141,12 +141,12 @@ fn is_hdf5(file: &Path) -> Result<bool, Fault> {
 
 /// Refuses a part of a file that has none.
 fn no_parts(part: &str, what: &str) -> Result<(), Fault> {
-    if part.is_empty() { Ok(()) } else { Err(Fault::Unsupported(format!("a {what} has no parts, and so no {part:?}"))) }
+    if part.is_empty() { Ok(()) } else { broken(format!("a {what} has no parts, and so no {part:?}")) }
 }
 
 /// The fault that both part and channel pick a line of one matrix.
 fn picked_twice(part: &str) -> Fault {
-    Fault::Unsupported(format!("part {part:?} is a line of each channel's matrix, so give channels by their names"))
+    Fault::Broken(format!("part {part:?} is a line of each channel's matrix, so give channels by their names"))
 }
 
 /// The line of a matrix that is one channel, or one tap.
@@ -168,7 +168,7 @@ fn line_of(shape: &[u64], number: Option<usize>, time_axis: Option<u8>) -> Resul
         [count] => [count, 1],
         [rows, columns] => [rows, columns],
         _ => {
-            return Err(Fault::Unsupported(format!("is an array of {}; one or two axes are read", shape_text())));
+            return broken(format!("is an array of {}; one or two axes are read", shape_text()));
         }
     };
     let axis = match time_axis {
@@ -179,10 +179,10 @@ fn line_of(shape: &[u64], number: Option<usize>, time_axis: Option<u8>) -> Resul
     let place = match number {
         None if line_count == 1 => 0,
         None => {
-            return Err(Fault::Unsupported(format!(
+            return broken(format!(
                 "is an array of {}, with {line_count} lines of samples; say which by the number of the channel or of the part",
                 shape_text()
-            )));
+            ));
         }
         Some(number) => {
             number.checked_sub(1).filter(|&place| (place as u64) < line_count).ok_or_else(|| Fault::Missing {

@@ -107,9 +107,9 @@ impl Uff {
                 (1, 2) => false,
                 (2, 2) => true,
                 (order, form) => {
-                    return Err(Fault::Unsupported(format!(
+                    return broken(format!(
                         "a dataset 58b has byte order {order} and floating point format {form}; orders 1 and 2 of format 2 are read"
-                    )));
+                    ));
                 }
             }),
             _ => None,
@@ -126,9 +126,9 @@ impl Uff {
         self.needed()?;
         let kind_of_abscissa = integer(&abscissa, 0, 10)?;
         if ![0, 17].contains(&kind_of_abscissa) && [0, 1].contains(&integer(&dof, 0, 5)?) {
-            return Err(Fault::Unsupported(format!(
+            return broken(format!(
                 "a dataset 58 is a function of quantity {kind_of_abscissa}; functions of time (17) are read"
-            )));
+            ));
         }
         let at = self.file.stream_position()?;
         let bytes = match binary {
@@ -199,10 +199,10 @@ impl Uff {
                 match (found.next(), found.count()) {
                     (None, _) => Err(missing()),
                     (Some(place), 0) => Ok(place),
-                    (Some(_), more) => Err(Fault::Unsupported(format!(
+                    (Some(_), more) => broken(format!(
                         "has {} functions called {name:?}; say which by the part, the number of a tap's first function",
                         more + 1
-                    ))),
+                    )),
                 }
             }
         }
@@ -229,17 +229,14 @@ fn number(text: &str) -> Result<f64, Fault> {
 
 impl Recorded for Uff {
     fn parts(&self, _depth: usize) -> Result<Vec<String>, Fault> {
-        Err(Fault::Unsupported(
-            "the parts of a Universal File are numbers of functions, which tell no tap: list them in a table"
-                .to_owned(),
-        ))
+        broken("the parts of a Universal File are numbers of functions, which tell no tap: list them in a table")
     }
 
     fn series(&mut self, part: &str, channel: &Pick, _time_axis: Option<u8>) -> Result<Series, Fault> {
         let place = self.place(part, channel)?;
         let &Function { kind, value_type, is_even, count, first_s, step_s, stated_rate_hz, binary, at, bytes, .. } =
             &self.functions[place];
-        let what = |what: String| Err(Fault::Unsupported(format!("function {} {what}", place + 1)));
+        let what = |what: String| broken(format!("function {} {what}", place + 1));
         if ![0, 1].contains(&kind) {
             return what(format!("is of type {kind}; time responses (1) are read"));
         }

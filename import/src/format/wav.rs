@@ -42,7 +42,7 @@ impl Wav {
         let mut header: [u8; 12] = take(&mut file)?;
         match (&header[..4], &header[8..]) {
             (b"RIFF", b"WAVE") => {}
-            (b"RF64" | b"RIFX", _) => return Err(Fault::Unsupported("RF64 and RIFX are not read, only RIFF".into())),
+            (b"RF64" | b"RIFX", _) => return broken("RF64 and RIFX are not read, only RIFF"),
             _ => return broken("is no WAV: it does not start with RIFF and WAVE"),
         }
         let mut plain = Vec::new();
@@ -97,7 +97,7 @@ fn take<const N: usize>(file: &mut impl Read) -> Result<[u8; N], Fault> {
 fn fault_of(error: &hound::Error) -> Fault {
     match error {
         hound::Error::Unsupported => {
-            Fault::Unsupported("its samples are none that are read: integers of 8, 16, 24 and 32 bit, or floats".into())
+            Fault::Broken("its samples are none that are read: integers of 8, 16, 24 and 32 bit, or floats".into())
         }
         error => Fault::Broken(format!("is no sound WAV: {error}")),
     }

@@ -124,7 +124,8 @@ impl Plan {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Calibration, Channel, SampleFormat};
+    use crate::plan::parts::recording;
+    use crate::{Calibration, SampleFormat};
 
     fn begun() -> Plan {
         let tyre = Serial::new("A-17").unwrap();
@@ -135,11 +136,9 @@ mod tests {
         });
         let recording = Recording {
             sample_rate_hz: 40_960.5,
-            pre_trigger_samples: 64,
-            sample_count_max: 4096,
             sample_format: SampleFormat::F32,
-            channels: Channel::BOTH.to_vec(),
             calibration: Calibration::computed(),
+            ..recording()
         };
         let truth = Truth::from([((tyre, 1, 3), true), ((tyre, 2, 4), false)]);
         Plan::from_source(Geometry::Ring, recording, taps.collect(), truth, 99).unwrap()

@@ -58,19 +58,13 @@ fn first_bits(hasher: Sha256) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::parts::recording;
     use crate::{Calibration, Channel, Purpose, Serial};
 
     /// Catches a field that the digest leaves out.
     #[test]
     fn whatever_differs_has_another_digest() {
-        let recording = Recording {
-            sample_rate_hz: 41e3,
-            pre_trigger_samples: 64,
-            sample_count_max: 1024,
-            sample_format: SampleFormat::I16,
-            channels: Channel::BOTH.to_vec(),
-            calibration: Calibration::stated(),
-        };
+        let recording = recording();
         let tap = PlannedTap {
             id: TapId::new(1, Serial::new("A").unwrap(), 1, 5),
             angle_deg: Some(18.0),
@@ -82,11 +76,14 @@ mod tests {
             other
         };
         let of = |recording: &Recording, tap: PlannedTap| digest_of(Geometry::Ring, recording, &[tap], 7);
+        let next = named(|id| id.location = 6);
         let digests = [
             of(&recording, tap),
             digest_of(Geometry::Line, &recording, &[tap], 7),
             digest_of(Geometry::Ring, &recording, &[tap], 8),
             digest_of(Geometry::Ring, &recording, &[], 7),
+            digest_of(Geometry::Ring, &recording, &[tap, next], 7),
+            digest_of(Geometry::Ring, &recording, &[next, tap], 7),
             of(&Recording { sample_rate_hz: 41.1e3, ..recording.clone() }, tap),
             of(&Recording { pre_trigger_samples: 65, ..recording.clone() }, tap),
             of(&Recording { sample_count_max: 1025, ..recording.clone() }, tap),
@@ -94,7 +91,8 @@ mod tests {
             of(&Recording { calibration: Calibration::default(), ..recording.clone() }, tap),
             of(&Recording { channels: vec![Channel::Sound], ..recording.clone() }, tap),
             of(&recording, named(|id| id.station = 2)),
-            of(&recording, named(|id| id.location = 6)),
+            of(&recording, next),
+            of(&recording, named(|id| *id = id.with_offset_mm(Some(0.0)).unwrap())),
             of(&recording, named(|id| id.repetition = 1)),
             of(&recording, PlannedTap { angle_deg: None, ..tap }),
             of(&recording, PlannedTap { purpose: Purpose::Closing, ..tap }),

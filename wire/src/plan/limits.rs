@@ -100,6 +100,7 @@ impl Limits {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::parts::recording;
 
     /// Catches a station that two processes serve, or none.
     #[test]
@@ -120,14 +121,7 @@ mod tests {
         };
         let tap = |location| crate::PlannedTap { id: id(location), angle_deg: None, purpose: crate::Purpose::Scan };
         let truth = (0..9).map(|location| ((crate::Serial::new("A").unwrap(), 1, location), false)).collect();
-        let recording = crate::Recording {
-            sample_rate_hz: 40_960.0,
-            pre_trigger_samples: 1,
-            sample_count_max: 100,
-            sample_format: crate::SampleFormat::I16,
-            channels: vec![crate::Channel::Force, crate::Channel::Sound],
-            calibration: crate::Calibration::stated(),
-        };
+        let recording = crate::Recording { sample_count_max: 100, ..recording() };
         let plan = Plan::new(crate::Geometry::Line, recording, vec![tap(2), tap(5)], truth).unwrap();
         let need = CasingLimits::from_plan(&plan);
         assert_eq!(need, CasingLimits { taps: 2, room: 0, scans: 1, locations: 9, record_bytes: 400 });

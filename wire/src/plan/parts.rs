@@ -79,6 +79,19 @@ impl Recording {
     }
 }
 
+/// What taps of tests are recorded as.
+#[cfg(test)]
+pub(crate) fn recording() -> Recording {
+    Recording {
+        sample_rate_hz: 41e3,
+        pre_trigger_samples: 400,
+        sample_count_max: 4096,
+        sample_format: SampleFormat::I16,
+        channels: Channel::BOTH.to_vec(),
+        calibration: Calibration::stated(),
+    }
+}
+
 /// One shoulder's scan: the taps that together get one damage map and one verdict.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scan {

@@ -26,12 +26,6 @@ pub struct LineAddress {
     root: PathBuf,
 }
 
-/// A lock on the folder of a line: while it is held, programs that tidy temporary files leave the folder alone.
-#[derive(Debug)]
-pub struct FolderLock {
-    _folder: OwnedFd,
-}
-
 impl LineAddress {
     /// The address of a new line: makes its folder, below `XDG_RUNTIME_DIR` if that is private, or else among the
     /// system's temporary files.
@@ -102,16 +96,16 @@ impl LineAddress {
         Ok(())
     }
 
-    /// Locks the folder so that it is not tidied away while the line runs.
+    /// Locks the folder: while what this returns is held, programs that tidy temporary files leave the folder alone.
     ///
     /// # Errors
     /// [`LineError::NotOurs`] when the folder is not as [`LineAddress::fresh`] made it.
-    pub fn lock_folder(&self) -> Result<FolderLock, LineError> {
+    pub fn lock_folder(&self) -> Result<OwnedFd, LineError> {
         let folder = folder::open_private(&self.root)?;
         if let Err(error) = rustix::fs::flock(&folder, FlockOperation::NonBlockingLockShared) {
             tracing::debug!(%error, "the line's folder cannot be locked");
         }
-        Ok(FolderLock { _folder: folder })
+        Ok(folder)
     }
 
     fn verify_folder(&self) -> Result<(), LineError> {

@@ -18,12 +18,6 @@ pub enum LineError {
         /// Bytes free.
         free: u64,
     },
-    /// Free shared memory cannot be determined.
-    #[error("cannot ask how much of /dev/shm is free")]
-    NoSharedMemory {
-        /// The system's reason.
-        source: std::io::Error,
-    },
     /// What a line works with is not its user's alone.
     #[error("{} {why}: a line uses only what it has made itself, for itself alone", path.display())]
     NotOurs {
@@ -38,7 +32,7 @@ pub enum LineError {
         /// Why the last place that was tried will not do.
         why: String,
     },
-    /// A file of the line's own cannot be used.
+    /// A file of the line's own, or `/dev/shm`, cannot be used.
     #[error("cannot use {}", path.display())]
     File {
         /// The file or folder.

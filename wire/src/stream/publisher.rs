@@ -172,8 +172,8 @@ impl<'l, T: Topic> Publisher<'l, T> {
 
     fn loan_copy(&self, header: T::Header, elements: &[T::Element]) -> Result<Loan<'_, 'l, T>, LineError> {
         let mut loan = self.loan(elements.len())?;
-        *loan.header_mut() = header;
-        loan.elements_mut().copy_from_slice(elements);
+        *loan.sample.user_header_mut() = header;
+        loan.sample.payload_mut().copy_from_slice(elements);
         Ok(loan)
     }
 
@@ -256,7 +256,7 @@ impl<'l, T: Topic> Publisher<'l, T> {
             self.line.take_answer(role, number);
         }
         let mut loan = self.loan(0)?;
-        loan.header_mut().stamp_mut().mark = number;
+        loan.sample.user_header_mut().stamp_mut().mark = number;
         let is_sent = self.without_blocking(|| loan.deliver(RecordKind::Handshake))?;
         let are_ready = vec![false; self.receivers.len()];
         Ok(is_sent.then(|| Handshake { number, sent_at: Instant::now(), to, are_ready }))
@@ -295,17 +295,7 @@ pub struct Loan<'p, 'l, T: Topic> {
 }
 
 impl<T: Topic> Loan<'_, '_, T> {
-    /// The header, to be filled in; its stamp is filled in when the record is sent, but for `casing` and `mark`.
-    pub fn header_mut(&mut self) -> &mut T::Header {
-        self.sample.user_header_mut()
-    }
-
-    /// The elements, to be filled in.
-    pub fn elements_mut(&mut self) -> &mut [T::Element] {
-        self.sample.payload_mut()
-    }
-
-    /// Header and elements, to be filled in together.
+    /// Header and elements, to be filled in; the stamp is filled in when the record is sent, but for `casing` and `mark`.
     pub fn fill<R>(&mut self, fill: impl FnOnce(&mut T::Header, &mut [T::Element]) -> R) -> R {
         let mut header = *self.sample.user_header_mut();
         let result = fill(&mut header, self.sample.payload_mut());

@@ -19,18 +19,10 @@ const RETRY_EVERY: Duration = Duration::from_millis(200);
 /// Bytes free in shared memory.
 ///
 /// # Errors
-/// [`LineError::NoSharedMemory`] if the system does not say.
+/// [`LineError::File`] if the system does not say.
 pub fn free_bytes() -> Result<u64, LineError> {
-    let stat = rustix::fs::statvfs(SHM).map_err(|source| LineError::NoSharedMemory { source: source.into() })?;
+    let stat = rustix::fs::statvfs(SHM).map_err(|error| LineError::io(Path::new(SHM), error))?;
     Ok(stat.f_bavail * stat.f_frsize)
-}
-
-/// Checks that `need_bytes` of shared memory are free for `what`.
-///
-/// # Errors
-/// [`LineError::NoRoom`] with both numbers and the remedy, if they are not.
-pub fn ensure_free(what: &str, need_bytes: usize) -> Result<(), LineError> {
-    compare(what, need_bytes as u64, free_bytes()?)
 }
 
 /// Waits until `need_bytes` of shared memory are free for `what`; logs that it waits, and when the wait has ended.
@@ -38,9 +30,9 @@ pub fn ensure_free(what: &str, need_bytes: usize) -> Result<(), LineError> {
 /// For a stage that restarts while the line runs.
 ///
 /// # Errors
-/// [`LineError::Stopped`] if `is_stopped` becomes true; [`LineError::NoSharedMemory`].
+/// [`LineError::Stopped`] if `is_stopped` becomes true; as [`free_bytes`].
 pub fn wait_until_free(what: &str, need_bytes: usize, is_stopped: impl Fn() -> bool) -> Result<(), LineError> {
-    retry_until_free(&is_stopped, || ensure_free(what, need_bytes))
+    retry_until_free(&is_stopped, || compare(what, need_bytes as u64, free_bytes()?))
 }
 
 /// Repeats `attempt` while it fails with [`LineError::NoRoom`].
@@ -73,16 +65,8 @@ pub fn retry_until_free<R>(
     }
 }
 
-/// The memory that was reserved.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Reserved {
-    /// Segments that lacked memory.
-    pub segments: usize,
-    /// Bytes that were added.
-    pub bytes: u64,
-}
-
-/// Reserves the memory of all present segments of the line, of every process: the layer only promises it.
+/// Reserves the memory of all present segments of the line, of every process: the layer only promises it. Returns how many
+/// bytes they lacked.
 ///
 /// Call it after a publisher is made, and again after a subscriber has joined, because each pair has a segment of its own. A
 /// segment that is reserved already costs one system call.
@@ -90,7 +74,7 @@ pub struct Reserved {
 /// # Errors
 /// [`LineError::NoRoom`] if there is too little memory: then send nothing, and drop the publisher. [`LineError::File`] if a
 /// segment cannot be used.
-pub fn reserve(what: &str, address: &LineAddress) -> Result<Reserved, LineError> {
+pub fn reserve(what: &str, address: &LineAddress) -> Result<u64, LineError> {
     let lacking: Vec<(PathBuf, u64)> =
         segments(address.prefix()).filter_map(|path| missing_bytes(&path).map(|bytes| (path, bytes))).collect();
     let bytes = lacking.iter().map(|(_, bytes)| bytes).sum();
@@ -106,7 +90,7 @@ pub fn reserve(what: &str, address: &LineAddress) -> Result<Reserved, LineError>
             Err(error) => return Err(LineError::io(path, error)),
         }
     }
-    Ok(Reserved { segments: lacking.len(), bytes })
+    Ok(bytes)
 }
 
 /// Bytes that the segment was promised and does not have; `None` if there are none.
@@ -132,6 +116,7 @@ fn fill(path: &Path) -> Result<(), Errno> {
     }
 }
 
+/// Refuses more than is free, with both numbers.
 fn compare(what: &str, need: u64, free: u64) -> Result<(), LineError> {
     if need > free {
         return Err(LineError::NoRoom { what: what.to_owned(), need, free });
@@ -148,12 +133,9 @@ mod tests {
 
     #[test]
     fn too_little_free_memory_is_refused_with_both_numbers() {
-        assert!(ensure_free("nothing", 0).is_ok());
         let error = compare("taps of station 1", 2_000_000, 1_999_999).unwrap_err().to_string();
         assert!(error.contains("taps of station 1"), "{error}");
         assert!(error.contains("2.0 MB") && error.contains("/dev/shm"), "{error}");
-        let error = ensure_free("everything", usize::MAX / 2).unwrap_err();
-        assert!(matches!(error, LineError::NoRoom { .. }), "{error}");
     }
 
     #[test]
@@ -163,10 +145,9 @@ mod tests {
         let path = Path::new(SHM).join(format!("{}data", address.prefix()));
         let file = File::create(&path).unwrap();
         file.set_len(1 << 20).unwrap();
-        let reserved = reserve("all", &address).unwrap();
-        assert_eq!(reserved, Reserved { segments: 1, bytes: 1 << 20 });
+        assert_eq!(reserve("all", &address).unwrap(), 1 << 20);
         assert_eq!(missing_bytes(&path), None);
-        assert_eq!(reserve("all", &address).unwrap(), Reserved::default());
+        assert_eq!(reserve("all", &address).unwrap(), 0);
         file.set_len(1 << 50).unwrap();
         let error = reserve("all", &address).unwrap_err();
         assert!(matches!(&error, LineError::NoRoom { need, free, .. } if need > free), "{error}");

@@ -64,7 +64,7 @@ pub(super) struct SoundCard {
     rate_hz: f64,
     /// When frames came last.
     heard: Instant,
-    /// Parts of full scale, for formats that are not passed on as they are.
+    /// What was read last, parts of full scale.
     scaled: Vec<f32>,
 }
 
@@ -134,17 +134,15 @@ impl SoundCard {
     /// Passes on a period of the `left` frames that the card's buffer is known to hold; how many they were.
     fn pass(&mut self, left: usize, take: &mut dyn FnMut(Chunk<'_>, u64)) -> Result<usize, alsa::Error> {
         let (channels, scaled) = (self.channels, &mut self.scaled);
-        let behind = |samples: usize| left.saturating_sub(samples / channels) as u64;
         scaled.clear();
         let mut as_f32 = |samples: &mut dyn Iterator<Item = f32>, count: usize| {
             scaled.extend(samples);
-            take(Chunk::F32(scaled), behind(count));
+            take(Chunk::F32(scaled), left.saturating_sub(count / channels) as u64);
             count / channels
         };
         match self.layout {
             Layout::I16 => self.pcm.io_i16()?.mmap(self.period_frames, |samples| {
-                take(Chunk::I16(samples), behind(samples.len()));
-                samples.len() / channels
+                as_f32(&mut samples.iter().map(|&sample| f32::from(sample) / 32_768.0), samples.len())
             }),
             Layout::Packed24 => self
                 .pcm

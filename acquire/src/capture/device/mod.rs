@@ -29,10 +29,8 @@ impl fmt::Display for DeviceName {
 
 /// What came from a device, frame by frame, a sample of each channel in a frame.
 #[derive(Debug, Clone, Copy)]
-#[cfg_attr(not(any(feature = "alsa", test)), expect(dead_code, reason = "only sound cards give all of it"))]
+#[cfg_attr(not(any(feature = "alsa", feature = "uldaq", test)), expect(dead_code, reason = "only devices give it"))]
 pub(super) enum Chunk<'a> {
-    /// Counts of a 16-bit converter.
-    I16(&'a [i16]),
     /// Parts of full scale.
     F32(&'a [f32]),
     /// So many frames were lost here.

@@ -28,7 +28,7 @@ const UNANSWERED_MAX: u32 = 3;
 const ALARMS_MAX: usize = 16;
 
 /// How a station is connected to its rig.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct LinkConfig {
     pub address: String,
     pub station: u16,
@@ -43,7 +43,7 @@ pub(crate) struct LinkConfig {
 }
 
 /// The state of the dialogue; it outlasts a connection.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Dialogue {
     config: LinkConfig,
     /// The connection; it exists before the rig says hello.
@@ -178,27 +178,7 @@ pub(crate) struct LoadedCasing {
 
 impl Dialogue {
     pub(super) fn new(config: LinkConfig) -> Self {
-        Self {
-            config,
-            stream: None,
-            rig_name: None,
-            stopped: None,
-            is_homed: false,
-            fault: None,
-            pending: None,
-            unanswered: None,
-            loaded: None,
-            current: None,
-            end_report: None,
-            away_since: None,
-            last_received: None,
-            asked: None,
-            unexpected: (0, None),
-            last_id: 0,
-            last_unknown_name: String::new(),
-            alarms: Vec::new(),
-            refusals: Vec::new(),
-        }
+        Self { config, ..Self::default() }
     }
 
     pub(crate) fn config(&self) -> &LinkConfig {

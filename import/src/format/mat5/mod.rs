@@ -69,10 +69,11 @@ impl Mat5 {
         let is_big_endian = match (&header[124..126], &header[126..]) {
             ([0, 1], b"IM") => false,
             ([1, 0], b"MI") => true,
-            (_, b"IM" | b"MI") => return Err(Fault::Unsupported("its version is not 5 to 7.3".to_owned())),
+            (_, b"IM" | b"MI") => return broken("its version is not 5 to 7.3"),
             _ => {
-                let what = "is no MATLAB file of version 5 to 7.3 (version 4 is not read: save it again in MATLAB)";
-                return Err(Fault::Unsupported(what.to_owned()));
+                return broken(
+                    "is no MATLAB file of version 5 to 7.3 (version 4 is not read: save it again in MATLAB)",
+                );
             }
         };
         let mut mat = Self { file, is_big_endian, variables: Vec::new(), read: VecDeque::new() };
@@ -210,7 +211,7 @@ impl Mat5 {
 impl Recorded for Mat5 {
     fn parts(&self, depth: usize) -> Result<Vec<String>, Fault> {
         if depth != 1 {
-            return Err(Fault::Unsupported(format!("a MATLAB file has variables, one step below it, not {depth}")));
+            return broken(format!("a MATLAB file has variables, one step below it, not {depth}"));
         }
         Ok(self.variables.iter().map(|variable| variable.name.clone()).collect())
     }
@@ -249,10 +250,10 @@ impl Recorded for Mat5 {
         let class = class_name(array.class);
         let (Some((kind, bytes)), false) = (&array.numbers, array.is_complex) else {
             let class = if array.is_complex { "complex" } else { class };
-            return Err(Fault::Unsupported(format!("{path:?} is an array of class {class}; real numbers are read")));
+            return broken(format!("{path:?} is an array of class {class}; real numbers are read"));
         };
         let &[rows, _] = array.shape.as_slice() else {
-            return Err(Fault::Unsupported(format!("{path:?} has {} axes; two are read", array.shape.len())));
+            return broken(format!("{path:?} has {} axes; two are read", array.shape.len()));
         };
         let line = line_of(&array.shape, number, time_axis)?;
         let count = checked_count(line.sample_count)?;
@@ -270,9 +271,7 @@ impl Recorded for Mat5 {
             "int64" => Series::of_integers(numbers.integers(count, place)?, 64),
             "double" | "single" => Series::of_doubles(&numbers.doubles(count, place)?)?,
             _ => {
-                return Err(Fault::Unsupported(format!(
-                    "{path:?} is of class {class}; signed integers, single and double are read"
-                )));
+                return broken(format!("{path:?} is of class {class}; signed integers, single and double are read"));
             }
         };
         series.sample_rate_hz = self.number(group, &RATE_NAMES);
@@ -283,8 +282,7 @@ impl Recorded for Mat5 {
             Ok(Some(array)) if array.class == MX_CHAR => Some(array.text.trim().to_owned()),
             Ok(Some(array)) => {
                 let class = class_name(array.class);
-                let what = format!("{name:?} is an array of class {class}; {UNIT_BOUND}");
-                return Err(Fault::Unsupported(what));
+                return broken(format!("{name:?} is an array of class {class}; {UNIT_BOUND}"));
             }
             Err(fault) => return broken(format!("{name:?}: {fault}; {UNIT_BOUND}")),
         };

@@ -16,7 +16,7 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
-use crate::error::{Fault, some_of};
+use crate::error::{Fault, broken, some_of};
 use crate::format::tdms::metadata::{Property, kind_name};
 use crate::format::tdms::raw_data::samples;
 use crate::format::tdms::segments::{Contents, Object, Segment};
@@ -64,10 +64,10 @@ impl Tdms {
                 match (found.next(), found.count()) {
                     (None, _) => channel.find(all.iter().map(name)),
                     (Some(&place), 0) => Ok(place),
-                    (Some(_), more) => Err(Fault::Unsupported(format!(
+                    (Some(_), more) => broken(format!(
                         "has {} channels called {wanted:?}; say which as \"GROUP/{wanted}\", or by the part, a group",
                         more + 1
-                    ))),
+                    )),
                 }
             }
         }
@@ -120,10 +120,10 @@ impl Tdms {
                 let terms = (0_u32..16).take_while(|&k| f64::from(k) < term_count);
                 Ok(Some(terms.map(|k| value(&format!("Polynomial_Coefficients[{k}]"))).collect::<Result<_, _>>()?))
             }
-            kind => Err(Fault::Unsupported(format!(
+            kind => broken(format!(
                 "channel {:?} has {scale_count} scales, the first {kind}; one, Linear or Polynomial, is read: save it scaled",
                 self.objects[place].path[1]
-            ))),
+            )),
         }
     }
 }
@@ -131,7 +131,7 @@ impl Tdms {
 impl Recorded for Tdms {
     fn parts(&self, depth: usize) -> Result<Vec<String>, Fault> {
         if depth != 1 {
-            return Err(Fault::Unsupported(format!("a TDMS file has groups, one step below it, not {depth}")));
+            return broken(format!("a TDMS file has groups, one step below it, not {depth}"));
         }
         Ok(self.objects.iter().filter(|object| object.path.len() == 1).map(|object| object.path[0].clone()).collect())
     }
@@ -150,10 +150,10 @@ impl Recorded for Tdms {
             9 | 0x19 => Series::of_floats(self.samples(place, f32::from_le_bytes)?)?,
             10 | 0x1a => Series::of_doubles(&self.samples(place, f64::from_le_bytes)?)?,
             kind => {
-                return Err(Fault::Unsupported(format!(
+                return broken(format!(
                     "channel {name:?} holds {}; signed integers and floats are read",
                     kind_name(kind)
-                )));
+                ));
             }
         };
         if let Some(terms) = self.polynomial(place)? {

@@ -164,7 +164,7 @@ impl Contents {
         let place = match self.places.get(&path) {
             Some(&place) => place,
             None if self.objects.len() == OBJECTS_MAX => {
-                return Err(Fault::Unsupported(format!("has more than {OBJECTS_MAX} groups and channels")));
+                return broken(format!("has more than {OBJECTS_MAX} groups and channels"));
             }
             None => {
                 self.objects.push(Object { path: steps(&path)?, ..Object::default() });
@@ -184,10 +184,10 @@ impl Contents {
                 None => return broken(format!("{:?} has data as before, but none before", self.objects[place].path)),
             },
             index if DAQMX_INDEXES.contains(&index) => {
-                return Err(Fault::Unsupported(format!(
+                return broken(format!(
                     "{} holds raw data of DAQmx with its own scales, which are not read: save it scaled, as floats",
                     some_of(self.objects[place].path.last().map(String::as_str))
-                )));
+                ));
             }
             _ => {
                 let (kind, axes, count) = (metadata.u32()?, metadata.u32()?, metadata.u64()?);

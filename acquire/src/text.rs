@@ -3,6 +3,8 @@
 use std::fs;
 use std::path::Path;
 
+use serde::de::DeserializeOwned;
+
 use crate::Error;
 
 /// Largest text file of a tap set, a list of some ten million taps.
@@ -41,6 +43,25 @@ pub(crate) fn decode(file: &Path, bytes: Vec<u8>) -> Result<String, Error> {
         text.drain(..MARK.len_utf8());
     }
     Ok(text)
+}
+
+/// Longest part of a line that an error shows.
+const SHOWN_MAX: usize = 80;
+
+/// What the TOML `text` of `file` says. A fault shows the line that it is in, as it names the key; what is missing is in none.
+pub(crate) fn toml<T: DeserializeOwned>(file: &Path, text: &str) -> Result<T, Error> {
+    toml::from_str(text).map_err(|error| {
+        let line = error.span().filter(|at| !at.is_empty()).map(|at| line_at(text, at.start));
+        let written = line.and_then(|line| text.lines().nth(line - 1)).map_or_else(String::new, |written| {
+            let shown = written.trim().chars().take(SHOWN_MAX);
+            format!(
+                "`{}`: ",
+                shown.map(|c| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c }).collect::<String>()
+            )
+        });
+        let reason = format!("{written}{}", error.message().replace('\n', ", "));
+        Error::Syntax { file: file.to_owned(), line, reason }
+    })
 }
 
 /// Number of the line with byte `at` of `text`, from 1.
