@@ -463,13 +463,7 @@ fn judge_again(extractor: &mut ProcessExtractor) -> Result<Vec<Kernel<'static>>>
         let (_, records) = tyre(&mut line, extractor)?;
         let plan = line.plan();
         let known = |scan| KnownShoulder::of(plan, &records, scan, Some(plan.truth()));
-        let built = Built {
-            config: FuseConfig::default(),
-            lineage: Vec::new(),
-            process: String::new(),
-            learns_directions: false,
-        };
-        let set = build_reference(&built, (0..plan.scans().len()).filter_map(known).collect())?;
+        let set = build_reference(&Built::default(), (0..plan.scans().len()).filter_map(known).collect())?;
         let fusions = [
             Fusion::new(&FuseConfig::by(Reference::Own), plan)?,
             Fusion::with_reference(&FuseConfig::default(), plan, Arc::new(set))?,

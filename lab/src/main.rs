@@ -130,10 +130,7 @@ fn dispatch(verb: &Verb) -> Result<bool> {
             .context("cannot write to standard output"),
         Verb::Man { folder, force } => {
             check_folder(folder, force.existing())?;
-            let failed = |(path, error): (PathBuf, std::io::Error)| {
-                anyhow::Error::from(error).context(format!("cannot write {}", path.display()))
-            };
-            generated::manual(Cli::command(), folder).map(drop).map_err(failed)
+            Ok(generated::manual(Cli::command(), folder)?)
         }
     };
     done.map(|()| true)

@@ -69,11 +69,11 @@ fn the_probability_of_detection_is_that_of_statsmodels() {
     assert!(rejected["remark"].as_str().unwrap().starts_with("none of the"), "{rejected}");
 }
 
-/// Catches a response that is not taken against the limit of its shoulder, a logarithm, and the bound of Wald: the study "linear,
-/// nothing cut off", of which scipy says what is expected. Half of the shoulders have all of it in another unit.
+/// Catches a response that is not taken against the limit of its shoulder, a logarithm, and the bound of the delta method:
+/// the study "responses as they are", of which scipy says what is expected. Half of the shoulders have all of it in another unit.
 #[test]
 fn the_response_is_that_of_scipy() {
-    let case = A_HAT.iter().find(|case| case.name == "linear, nothing cut off").unwrap();
+    let case = A_HAT.iter().find(|case| case.name == "responses as they are").unwrap();
     let sandbox = Sandbox::new();
     let (mut shoulders, mut rows) = (Vec::new(), String::new());
     for (number, (size, response)) in case.sizes.iter().zip(case.responses).enumerate() {

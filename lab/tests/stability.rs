@@ -10,10 +10,11 @@ mod estimators;
 mod flags;
 mod fuzz;
 mod index;
-mod plate;
 mod ring;
 mod scatter;
 mod sound;
 
+#[path = "../src/chart/panels/contact/small_steps.rs"]
+mod small_steps;
 #[path = "../src/stability/tap.rs"]
 mod tap;

@@ -1,23 +1,20 @@
 //! A scan within one process, compared with the same scan by the processes of a line.
 
 #[path = "../../lab/src/in_memory.rs"]
-mod scanned;
+mod scan;
 
-use scanned::InMemoryScan;
+use scan::scanned;
 use serde::Deserialize;
-use tapline_acquire::{AcquireConfig, ScanConfig};
+use tapline_acquire::ScanConfig;
 use tapline_model::SimulationConfig;
-use tapline_process::ProcessConfig;
+use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_store::Reader;
-use tapline_wire::{Discriminator, Discriminators};
+use tapline_wire::{Discriminator, Discriminators, Plan, Quality, Samples, TapHeader};
 
 use crate::sandbox::Sandbox;
 
-/// Two stations, a tyre of each kind, and a rig whose faults cause retakes; one retake is not always enough.
+/// Two stations, a tyre of each kind, and a rig whose faults cause retakes; two retakes are not always enough.
 const SCAN: &str = "
-[acquire]
-retakes = 1
-
 [scan]
 stations = 2
 offsets_mm = [0.0, 10.0]
@@ -34,16 +31,19 @@ fraction = 0.3
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 struct Config {
-    acquire: AcquireConfig,
     scan: ScanConfig,
     simulation: SimulationConfig,
     process: ProcessConfig,
 }
 
 impl Config {
-    fn on(&self, thread_count: usize) -> InMemoryScan<'_> {
-        let Self { acquire, scan, simulation, process } = self;
-        InMemoryScan { scan, simulation, process, retakes: acquire.retakes, thread_count }
+    /// The plan, and the discriminators of each of its taps.
+    fn taps(&self) -> anyhow::Result<(Plan, Vec<Discriminators>)> {
+        let read = |extractor: &mut ProcessExtractor, header: &TapHeader, samples: Samples<'_>| {
+            let found = extractor.extract(header, samples);
+            (!found.quality.contains(Quality::RETAKE)).then_some(found)
+        };
+        scanned(&self.scan, &self.simulation, || Ok(ProcessExtractor::new(&self.process)?), read)
     }
 }
 
@@ -68,8 +68,8 @@ fn a_scan_in_memory_finds_what_the_line_finds() {
     let archived: Vec<String> = records.iter().map(bits).collect();
     let config: Config = toml::from_str(SCAN).unwrap();
     for thread_count in [1, 2, 5] {
-        let (plan, taps) = config.on(thread_count).taps(|_, _| ()).unwrap();
-        let mut found: Vec<Discriminators> = taps.into_iter().map(|(found, ())| found).collect();
+        let threads = rayon::ThreadPoolBuilder::new().num_threads(thread_count).build().unwrap();
+        let (plan, mut found) = threads.install(|| config.taps()).unwrap();
         assert!(plan.taps().iter().eq(casings.iter().flat_map(|casing| casing.plan().taps())));
         // On a line, each casing has its own plan.
         found.iter_mut().for_each(|record| record.plan_index %= 2 * 2 * 2 * 21);
@@ -82,24 +82,15 @@ fn a_scan_in_memory_finds_what_the_line_finds() {
     assert!((50..200).contains(&attempts), "{attempts} taps were taken again");
 }
 
-/// Catches a record that is shown beside the discriminators of another.
-#[test]
-fn what_is_looked_at_is_the_record_that_counts() {
-    let config: Config = toml::from_str(SCAN).unwrap();
-    let (_, taps) = config.on(2).taps(|header, _| header.id).unwrap();
-    assert!(taps.iter().any(|(found, _)| found.id.attempt == 1));
-    assert!(taps.iter().all(|(found, id)| found.id == *id));
-}
-
 /// Catches a configuration that is not checked, and an error that does not say what is wrong.
 #[test]
 fn what_cannot_be_scanned_is_refused() {
     let mut config = Config::default();
     config.scan.repetitions = 0;
-    let error = config.on(2).taps(|_, _| ()).unwrap_err();
+    let error = config.taps().unwrap_err();
     assert!(format!("{error:#}").contains("scan.repetitions is 0"), "{error:#}");
     let mut config = Config::default();
     config.process.f_c_hz = -1.0;
-    let error = config.on(2).taps(|_, _| ()).unwrap_err();
+    let error = config.taps().unwrap_err();
     assert!(format!("{error:#}").contains("f_c_hz"), "{error:#}");
 }

@@ -59,7 +59,7 @@ impl Cache {
     }
 
     fn set(&self, scene: Scene, name: &str, tyres: Vec<Tyre>, seed: u64) -> Result<Set> {
-        let shape = ScanShape { record_s: scene.record_s(self.shape.record_s), ..self.shape.clone() };
+        let shape = self.shape.clone();
         let counts = [2, shape.offsets_mm.len(), shape.velocities_m_per_s.len()];
         let mut lengths = vec![tyres.len()];
         lengths.extend(counts);

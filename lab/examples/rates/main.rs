@@ -21,7 +21,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::{Context as _, Result, ensure};
-use clap::Parser;
+use clap::{Parser, ValueEnum as _};
 use tapline_lab::simulated::{Scene, Simulator, Times};
 use tapline_plate::ScanShape;
 use tapline_process::{DurationEstimator, ProcessConfig};
@@ -111,7 +111,7 @@ fn main() -> Result<()> {
     }
     ensure!(args.groups > 0 && args.sound > 0 && args.cracked > 0, "there must be a casing in each group");
     if args.scene.is_empty() {
-        args.scene = Scene::ALL.to_vec();
+        args.scene = Scene::value_variants().to_vec();
     }
     let turns = args.repetitions.iter().copied().max().context("--repetitions is empty")?;
     // Second readings are simulated with the first ones.

@@ -99,20 +99,30 @@ const F_MAX: &[Discriminator] = &[Discriminator::FMax];
 const TAU: &[Discriminator] = &[Discriminator::Tau];
 const BOTH: &[Discriminator] = &[Discriminator::FMax, Discriminator::Tau];
 
-fn estimators(cell: &Cell) -> Result<Vec<Estimator>> {
+/// The estimators of `which`, F_max or tau.
+pub(crate) fn estimators_of(which: Discriminator) -> Vec<Estimator> {
     let plain = super::plain();
     let peak = |name, f_max| Estimator { name, config: ProcessConfig { f_max, ..plain }, quantities: F_MAX };
     let of_time = |name, tau| Estimator { name, config: ProcessConfig { tau, ..plain }, quantities: TAU };
-    Ok(match cell.table.as_str() {
-        "force" => vec![
+    match which {
+        Discriminator::FMax => vec![
             peak("raw", PeakEstimator::Raw),
             peak("parabola", PeakEstimator::Parabola),
             peak("polynomial", PeakEstimator::Polynomial),
+        ],
+        _ => vec![
             of_time("half_sine", DurationEstimator::HalfSine),
             of_time("width_02", DurationEstimator::Width02),
             of_time("width_50", DurationEstimator::Width50),
             of_time("impulse", DurationEstimator::Impulse),
         ],
+    }
+}
+
+fn estimators(cell: &Cell) -> Result<Vec<Estimator>> {
+    let plain = super::plain();
+    Ok(match cell.table.as_str() {
+        "force" => [Discriminator::FMax, Discriminator::Tau].map(estimators_of).concat(),
         "clip" => vec![Estimator { name: "parabola", config: plain, quantities: BOTH }],
         _ => {
             let Some(droop_time_constant_s) = amount(&cell.fault, "time constant ")? else {

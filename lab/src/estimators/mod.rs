@@ -2,7 +2,7 @@
 
 mod force;
 
-pub(crate) use self::force::{extract_force, pulse_records};
+pub(crate) use self::force::{estimators_of, extract_force, pulse_records};
 
 mod page;
 mod sound;
@@ -41,7 +41,7 @@ pub(crate) struct Cell {
 }
 
 /// The defaults, with every value kept: what is studied is the estimator, not the flag that would hide it.
-pub(crate) fn plain() -> ProcessConfig {
+fn plain() -> ProcessConfig {
     ProcessConfig { quality: QualityConfig::keeping(), ..ProcessConfig::default() }
 }
 
@@ -126,10 +126,11 @@ pub(crate) fn csv(rows: &[Row]) -> Result<String> {
 }
 
 /// An estimator by its name in the table, and what it is asked for.
-struct Estimator {
-    name: &'static str,
-    config: ProcessConfig,
-    quantities: &'static [Discriminator],
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Estimator {
+    pub name: &'static str,
+    pub config: ProcessConfig,
+    pub quantities: &'static [Discriminator],
 }
 
 /// Values of one quantity over many taps, beside the truth.

@@ -1,6 +1,6 @@
 //! Which cracks are found, against their size: by hit and miss, and by the response.
 
-use crate::statistics::{AHat, AtLeast, HitMiss, Refusal, Scale, Signal, a_hat, hit_miss};
+use crate::statistics::{AHat, AtLeast, HitMiss, Refusal, a_hat, hit_miss};
 use tapline_draw::canvas::{PALE_INK, Point};
 use tapline_draw::palette::COLORS;
 
@@ -40,13 +40,7 @@ impl Detection {
         let is_found: Vec<bool> = targets.iter().map(|t| t.is_found).collect();
         let answered = targets.iter().filter(|t| t.response.is_finite());
         let (answered_sizes, responses): (Vec<f64>, Vec<f64>) = answered.map(|t| (t.size_mm, t.response)).unzip();
-        let signal = Signal { scale: Scale::Linear, threshold: limit, noise: None, saturation: None };
-        Self {
-            class,
-            hit_miss: hit_miss(&sizes, &is_found),
-            a_hat: a_hat(&answered_sizes, &responses, signal),
-            targets,
-        }
+        Self { class, hit_miss: hit_miss(&sizes, &is_found), a_hat: a_hat(&answered_sizes, &responses, limit), targets }
     }
 
     /// How many of the targets were found.

@@ -77,6 +77,10 @@ impl Table {
         self.rows.push(cells.into_iter().collect());
     }
 
+    pub(crate) fn push_texts(&mut self, cells: impl IntoIterator<Item = String>) {
+        self.push(cells.into_iter().map(Cell::from));
+    }
+
     pub(crate) fn csv(&self) -> Result<String> {
         let mut out = csv::Writer::from_writer(Vec::new());
         out.write_record(&self.columns)?;

@@ -2,16 +2,16 @@
 
 use anyhow::{Context as _, Result};
 use realfft::RealFftPlanner;
-use tapline_acquire::{AcquireConfig, ScanConfig};
+use tapline_acquire::ScanConfig;
 use tapline_draw::record::channel;
 use tapline_model::SimulationConfig;
-use tapline_process::ProcessConfig;
-use tapline_wire::{Channel, Discriminator, Discriminators, Plan, PlannedTap, TapId};
+use tapline_process::{ProcessConfig, ProcessExtractor};
+use tapline_wire::{Channel, Discriminator, Discriminators, Plan, PlannedTap, Quality, Samples, TapHeader, TapId};
 
 use super::spectrum::{peak_v, steps};
 use super::tyres;
 use super::tyres::{OFFSETS_MM, REPRESENTATIVE, Severity, VELOCITIES_M_PER_S, VELOCITY_M_PER_S};
-use crate::in_memory::InMemoryScan;
+use crate::in_memory::scanned;
 
 /// Samples of a record: 0.4 s, as in section 5.2.
 const SAMPLES: u32 = 16_384;
@@ -71,17 +71,20 @@ impl Dataset {
     /// Takes the taps of `scan`; spectra of those that `has_spectrum` selects.
     fn scan(scan: &ScanConfig, has_spectrum: impl Fn(&TapId) -> bool + Sync) -> Result<Self> {
         let simulation = SimulationConfig { sample_count: SAMPLES, ..SimulationConfig::default() };
-        let process = ProcessConfig::default();
-        let retakes = AcquireConfig::default().retakes;
-        let in_memory = InMemoryScan { scan, simulation: &simulation, process: &process, retakes, thread_count: 0 };
         let severity = Severity::new(scan)?;
-        let (plan, seen) = in_memory.taps(|header, samples| -> Result<(f64, Option<Vec<f64>>)> {
+        let look = |header: &TapHeader, samples: Samples<'_>| -> Result<(f64, Option<Vec<f64>>)> {
             let sound_v = channel(header, samples, Channel::Sound).context("a simulated record has no sound")?;
             let peak_v = peak_v(&sound_v);
             let spectrum = || steps(&mut RealFftPlanner::new(), sound_v, header.sample_rate_hz);
             let density = has_spectrum(&header.id).then(spectrum).transpose()?;
             Ok((peak_v, density))
-        })?;
+        };
+        let read = |extractor: &mut ProcessExtractor, header: &TapHeader, samples: Samples<'_>| {
+            let found = extractor.extract(header, samples);
+            (!found.quality.contains(Quality::RETAKE)).then(|| (found, look(header, samples)))
+        };
+        let process = ProcessConfig::default();
+        let (plan, seen) = scanned(scan, &simulation, || Ok(ProcessExtractor::new(&process)?), read)?;
         let tap = |(planned, (found, looked)): (&PlannedTap, (Discriminators, Result<_>))| {
             let (peak_v, density_v2_per_hz) = looked?;
             let angle_deg = planned.angle_deg.context("a tap of a ring has an angle")?;

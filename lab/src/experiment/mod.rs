@@ -35,11 +35,12 @@ pub fn experiment(out: &Path, seed: u64, written: WrittenArgs) -> Result<()> {
     let claims = claims::claims(&experiment)?;
     let mut files = Vec::new();
     for figure in &figures {
-        files.push((out.join(format!("{}.svg", figure.name)), figure.picture.svg()?));
-        files.push((out.join(format!("{}.csv", figure.name)), figure.table.csv()?));
+        files.push((out.join(format!("{}.svg", figure.table.name)), figure.picture.svg()?));
+        files.push((out.join(format!("{}.csv", figure.table.name)), figure.table.csv()?));
     }
     files.push((out.join("claims.csv"), claims::csv(&claims)?));
-    let titles: Vec<(&str, &str)> = figures.iter().map(|figure| (figure.name, figure.picture.title.as_str())).collect();
+    let titles: Vec<(&str, &str)> =
+        figures.iter().map(|figure| (figure.table.name, figure.picture.title.as_str())).collect();
     files.push((out.with_added_extension("md"), claims::page(&claims, &titles, folder)));
     written.write(&files)
 }

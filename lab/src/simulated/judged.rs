@@ -72,7 +72,7 @@ pub fn reference(
         (plan, records) = judging.again(set, plan, records)?;
     }
     let shoulders = (0..plan.scans().len()).map(|scan| KnownShoulder::of(&plan, &records, scan, None));
-    let built = Built { config: config.clone(), lineage: Vec::new(), process: String::new(), learns_directions: false };
+    let built = Built { config: config.clone(), ..Built::default() };
     let shoulders: Option<Vec<_>> = shoulders.collect();
     Ok(Arc::new(build_reference(&built, shoulders.context("a shoulder is not planned")?)?))
 }

@@ -33,8 +33,6 @@ pub enum Scene {
     Gain12,
     /// The gain of one turn rises by 5 %.
     GainDrift,
-    /// Half the record.
-    Short,
     /// Sound casings on a rig with eight times the noise.
     SoundNoise,
     /// The same by a reference without that noise.
@@ -148,28 +146,6 @@ impl Simulator {
 }
 
 impl Scene {
-    /// All of them.
-    pub const ALL: [Self; 18] = [
-        Self::SoundSmooth,
-        Self::SoundRough,
-        Self::Gain08,
-        Self::Gain12,
-        Self::GainDrift,
-        Self::Short,
-        Self::SoundNoise,
-        Self::SoundNoisier,
-        Self::SoundRougher,
-        Self::FaintSmooth,
-        Self::FaintRough,
-        Self::FaintNoise,
-        Self::FaintNoisier,
-        Self::FaintRougher,
-        Self::StrongSmooth,
-        Self::StrongRough,
-        Self::MostOfRing,
-        Self::AllRound,
-    ];
-
     /// Whether its casings have no crack.
     pub fn is_sound(self) -> bool {
         self.cracks().is_none()
@@ -185,7 +161,6 @@ impl Scene {
         match self {
             Self::SoundSmooth | Self::Gain08 | Self::Gain12 | Self::GainDrift => "sound-smooth",
             Self::SoundRough | Self::SoundRougher => "sound-rough",
-            Self::Short => "sound-short",
             Self::SoundNoise | Self::SoundNoisier => "sound-noise",
             Self::FaintSmooth => "faint-smooth",
             Self::FaintRough | Self::FaintRougher => "faint-rough",
@@ -244,11 +219,6 @@ impl Scene {
             },
             _ => plain,
         }
-    }
-
-    /// Length of a record where `record_s` is usual.
-    pub fn record_s(self, record_s: f64) -> f64 {
-        if self == Self::Short { 0.5 * record_s } else { record_s }
     }
 
     /// Cracks of a casing, drawn by `rng`; `None` for a sound scene.

@@ -13,7 +13,7 @@ use tapline_wire::{Discriminator, Discriminators, Plan, PlannedTap, Samples, Tap
 use super::reading::{Reader, Reading};
 use super::scan_taps::ScanTaps;
 use super::scene::{Scene, Simulator, Tyre};
-use crate::in_memory::InMemoryScan;
+use crate::in_memory::scanned;
 
 /// Numbers of a tap: its discriminators and the velocity as measured.
 pub const COLUMNS: usize = Discriminator::COUNT + 1;
@@ -35,7 +35,7 @@ pub struct Set {
 /// What each of `readings` makes of every tap that `shape` gives `tyres` in `scene`, as sets in the order of the readings.
 ///
 /// # Errors
-/// A setting out of its bounds, or a thread that cannot be started.
+/// A setting out of its bounds.
 pub(crate) fn simulate(
     simulator: Simulator,
     scene: Scene,
@@ -99,17 +99,14 @@ fn modelled(
         tyre: tyres.iter().map(Tyre::of_model).collect(),
         ..ScanConfig::default()
     };
-    let process = ProcessConfig::default();
-    let scan = InMemoryScan { scan: &scan, simulation, process: &process, retakes: RETAKES, thread_count: 0 };
-    let (_, taps) = scan.read(|| Reader::new(readings), |reader, header, samples| reader.read(header, samples))?;
-    Ok(taps)
+    Ok(scanned(&scan, simulation, || Reader::new(readings), Reader::read)?.1)
 }
 
 /// The values of every tap of `tyres` in `scene` by `process`, as a set keeps them:
 /// `[casing][shoulder][offset][velocity][repetition][location][column]`.
 ///
 /// # Errors
-/// A setting out of its bounds, or a thread that cannot be started.
+/// A setting out of its bounds.
 pub fn values_of(
     simulator: Simulator,
     scene: Scene,

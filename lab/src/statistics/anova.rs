@@ -93,7 +93,7 @@ impl Sums {
         };
         let total = [&sums.parts, &sums.operators, &sums.interaction, &sums.repeats].map(|row| row.sum_of_squares);
         let total = total.iter().sum::<f64>();
-        if total.is_finite() && total > 0.0 { Ok(sums) } else { Err(Refusal::NoScatter { name: "readings" }) }
+        if total.is_finite() && total > 0.0 { Ok(sums) } else { Err(Refusal::NoScatter("readings")) }
     }
 }
 
@@ -102,12 +102,11 @@ fn complete(readings: &[Option<f64>], shape: Shape) -> Result<Vec<f64>, Refusal>
     let Shape { parts, operators, repeats } = shape;
     let expected = parts.saturating_mul(operators).saturating_mul(repeats);
     if readings.len() != expected {
-        let (first, second) = (readings.len(), expected);
-        return Err(Refusal::Lengths { first_name: "readings", first, second_name: "the design", second });
+        return Err(Refusal::Lengths("readings", readings.len(), "the design", expected));
     }
     let hole = |place: usize| {
         let cell = place / repeats;
-        Refusal::Incomplete { part: cell / operators, operator: cell % operators, repeat: place % repeats }
+        Refusal::Incomplete(cell / operators, cell % operators, place % repeats)
     };
     let value = |(place, reading): (usize, &Option<f64>)| reading.filter(|v| v.is_finite()).ok_or_else(|| hole(place));
     readings.iter().enumerate().map(value).collect()
@@ -115,5 +114,5 @@ fn complete(readings: &[Option<f64>], shape: Shape) -> Result<Vec<f64>, Refusal>
 
 /// Refuses fewer than `least` of a thing.
 pub(super) fn at_least(name: &'static str, got: usize, least: usize) -> Result<(), Refusal> {
-    if got < least { Err(Refusal::TooFew { name, got, least }) } else { Ok(()) }
+    if got < least { Err(Refusal::TooFew(name, got, least)) } else { Ok(()) }
 }

@@ -1,6 +1,7 @@
 //! The upper confidence bound of a size, from its likelihood.
 
-use super::tail::Z_95;
+/// The standard normal value below which 95 % lie (scipy.stats.norm.ppf): of one-sided bounds.
+pub(super) const Z_95: f64 = 1.644_853_626_951_472_2;
 
 /// Twice the logarithm of likelihood that a one-sided 95 % bound may lose: the 90 % point of chi-squared with one
 /// degree.

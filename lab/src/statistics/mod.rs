@@ -22,15 +22,13 @@ mod gauge;
 mod hit_miss;
 mod mean;
 mod newton;
-mod normal;
 mod one_way;
 mod rate;
 mod refusal;
 mod repeat;
 mod size;
-mod tail;
 
-pub use a_hat::{A_HAT_TARGETS, AHat, Scale, Signal, a_hat};
+pub use a_hat::{A_HAT_TARGETS, AHat, a_hat};
 pub use anova::AnovaRow;
 pub use bootstrap::{Bootstrap, auc_interval};
 pub use few::AtLeast;

@@ -41,18 +41,6 @@ impl<const N: usize> At<N> {
     }
 }
 
-impl<const N: usize> At<N> {
-    /// The same function over fewer parameters, of which its own are linear with these `gradients`.
-    pub(super) fn restricted<const M: usize>(&self, gradients: &[[f64; M]; N]) -> At<M> {
-        let columns: [[f64; N]; M] = std::array::from_fn(|m| gradients.map(|row| row[m]));
-        At {
-            value: self.value,
-            gradient: columns.map(|column| dot(&self.gradient, &column)),
-            information: transformed(&self.information, &columns),
-        }
-    }
-}
-
 /// Where a function is greatest.
 pub(super) struct Peak<const N: usize> {
     pub point: [f64; N],
@@ -67,12 +55,11 @@ pub(super) fn peak<const N: usize>(
     start: [f64; N],
     at: impl Fn(&[f64; N]) -> Option<At<N>>,
 ) -> Result<Peak<N>, Refusal> {
-    let not_settled = |steps| Refusal::NotSettled { steps };
     let mut point = start;
-    let mut here = at(&point).ok_or(not_settled(0))?;
+    let mut here = at(&point).ok_or(Refusal::NotSettled(0))?;
     let mut last_gain = f64::INFINITY;
     for steps in 1..=STEPS {
-        let covariance = inverse(here.information).ok_or(not_settled(steps))?;
+        let covariance = inverse(here.information).ok_or(Refusal::NotSettled(steps))?;
         let step: [f64; N] = covariance.map(|row| dot(&row, &here.gradient));
         let gain = dot(&step, &here.gradient);
         // Sums of many logarithms are good to about this much; a step that changes less cannot be judged by them.
@@ -83,15 +70,15 @@ pub(super) fn peak<const N: usize>(
             fraction *= 0.5;
             at(&moved).filter(|next| next.value >= here.value - rounding).map(|next| (moved, next))
         });
-        (point, here) = next.ok_or(not_settled(steps))?;
+        (point, here) = next.ok_or(Refusal::NotSettled(steps))?;
         let is_rounding = gain < GAIN_OF_ROUNDING && gain > 0.25 * last_gain;
         last_gain = gain;
         if gain < GAIN || is_rounding {
-            let covariance = inverse(here.information).ok_or(not_settled(steps))?;
+            let covariance = inverse(here.information).ok_or(Refusal::NotSettled(steps))?;
             return Ok(Peak { point, value: here.value, covariance });
         }
     }
-    Err(not_settled(STEPS))
+    Err(Refusal::NotSettled(STEPS))
 }
 
 /// Scalar product.
@@ -170,8 +157,8 @@ mod tests {
             at.add(x.ln(), 1.0 / x, -1.0 / (x * x), [1.0]);
             (x > 0.0).then_some(at)
         };
-        assert!(matches!(peak([1.0], rising), Err(Refusal::NotSettled { steps: STEPS })));
-        assert!(matches!(peak([0.0], |_| Some(At::zero())), Err(Refusal::NotSettled { steps: 1 })));
-        assert!(matches!(peak([0.0], |_| None), Err(Refusal::NotSettled { steps: 0 })));
+        assert!(matches!(peak([1.0], rising), Err(Refusal::NotSettled(STEPS))));
+        assert!(matches!(peak([0.0], |_| Some(At::zero())), Err(Refusal::NotSettled(1))));
+        assert!(matches!(peak([0.0], |_| None), Err(Refusal::NotSettled(0))));
     }
 }

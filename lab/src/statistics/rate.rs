@@ -33,14 +33,14 @@ pub fn clopper_pearson(count: usize, all: usize, level: f64) -> Result<Rate, Ref
 /// Count, all, and the probability outside on either side.
 fn checked(count: usize, all: usize, level: f64) -> Result<(f64, f64, f64), Refusal> {
     if all == 0 {
-        return Err(Refusal::TooFew { name: "trials", got: 0, least: 1 });
+        return Err(Refusal::TooFew("trials", 0, 1));
     }
     let (k, n) = (count as f64, all as f64);
     if count > all {
-        return Err(Refusal::OutOfRange { name: "count", value: k, low: 0.0, high: n });
+        return Err(Refusal::OutOfRange("count", k, 0.0, n));
     }
     if !(level > 0.0 && level < 1.0) {
-        return Err(Refusal::OutOfRange { name: "level", value: level, low: 0.0, high: 1.0 });
+        return Err(Refusal::OutOfRange("level", level, 0.0, 1.0));
     }
     Ok((k, n, 0.5 * (1.0 - level)))
 }

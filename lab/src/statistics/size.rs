@@ -18,7 +18,7 @@ impl LogSizes {
     pub(super) fn new(sizes: &[f64]) -> Result<Self, Refusal> {
         for (index, &value) in sizes.iter().enumerate() {
             if !(value.is_finite() && value > 0.0) {
-                return Err(Refusal::Size { index, value });
+                return Err(Refusal::Size(index, value));
             }
         }
         let ln: Vec<f64> = sizes.iter().map(|size| size.ln()).collect();

@@ -1,12 +1,14 @@
 //! Each index by each reference on every set, beside every discriminator alone.
 
+use std::sync::Arc;
+
 use crate::statistics::{Rate, clopper_pearson};
 use anyhow::{Context as _, Result};
-use tapline_fuse::{FuseConfig, IndexKind};
+use tapline_fuse::{FuseConfig, IndexKind, ReferenceSet};
 use tapline_wire::Discriminator;
 
 use super::dataset::Dataset;
-use super::judge::{ComparedWith, alone, judge};
+use super::judge::{alone, judge};
 use super::parallel::each;
 use super::sets::{Set, cracked, sound};
 use super::size::Size;
@@ -71,15 +73,15 @@ impl Split {
     }
 
     /// The tyres of the reference.
-    pub(super) fn healthy(&self) -> Result<ComparedWith> {
-        Ok(ComparedWith::File(self.dataset.reference(|tyre| self.reference.iter().any(|t| t == tyre))?))
+    pub(super) fn healthy(&self) -> Result<Arc<ReferenceSet>> {
+        self.dataset.reference(|tyre| self.reference.iter().any(|t| t == tyre))
     }
 }
 
 /// Every candidate on one set, and every discriminator alone.
 pub(super) fn candidates(split: &Split) -> Result<(Vec<Candidate>, Vec<SingleDiscriminator>)> {
     let (judged, healthy) = (split.judged()?, split.healthy()?);
-    let references = [("healthy", &healthy), ("self", &ComparedWith::Itself)];
+    let references = [("healthy", Some(&healthy)), ("self", None)];
     let jobs: Vec<_> = references.into_iter().flat_map(|by| IndexKind::ALL.map(|index| (by, index))).collect();
     let candidates = each(&jobs, |&((reference, by), index)| {
         let config = FuseConfig { index, ..FuseConfig::default() };
@@ -92,7 +94,7 @@ pub(super) fn candidates(split: &Split) -> Result<(Vec<Candidate>, Vec<SingleDis
         which,
         areas: Areas::new(&results),
     };
-    Ok((candidates, alone(&judged, &healthy)?.into_iter().map(of_discriminator).collect()))
+    Ok((candidates, alone(&judged, Some(&healthy))?.into_iter().map(of_discriminator).collect()))
 }
 
 /// The discriminator that alone does best on `set`.

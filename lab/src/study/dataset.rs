@@ -3,13 +3,12 @@
 use std::sync::Arc;
 
 use anyhow::{Context as _, Result};
-use tapline_acquire::{AcquireConfig, ScanConfig, TyreConfig};
-use tapline_fuse::{Built, FuseConfig, KnownShoulder, ReferenceSet, build_reference};
+use tapline_acquire::{ScanConfig, TyreConfig};
+use tapline_fuse::{Built, KnownShoulder, ReferenceSet, build_reference};
 use tapline_model::SimulationConfig;
-use tapline_process::ProcessConfig;
 use tapline_wire::{Discriminators, Plan, PlannedTap, Truth};
 
-use crate::in_memory::InMemoryScan;
+use crate::in_memory::scanned;
 use crate::simulated::{Reader, Reading};
 
 /// The velocity of every tap.
@@ -59,12 +58,7 @@ impl Dataset {
             tyre: tyres,
             ..ScanConfig::default()
         };
-        let process = ProcessConfig::default();
-        let retakes = AcquireConfig::default().retakes;
-        let thread_count = rayon::current_num_threads();
-        let scan = InMemoryScan { scan: &scan, simulation, process: &process, retakes, thread_count };
-        let (plan, taps) =
-            scan.read(|| Reader::new(readings), |reader, header, samples| reader.read(header, samples))?;
+        let (plan, taps) = scanned(&scan, simulation, || Reader::new(readings), Reader::read)?;
         let dataset = |number: usize| {
             let records = taps.iter().map(|of_tap| of_tap[number]).collect();
             Self { plan: plan.clone(), records }
@@ -92,12 +86,6 @@ impl Dataset {
         let of = |number| KnownShoulder::of(&self.plan, &self.records, number, None);
         let scans = self.plan.scans().iter().enumerate().filter(|(_, scan)| is_wanted(scan.tyre.as_str()));
         let shoulders: Option<Vec<KnownShoulder>> = scans.map(|(number, _)| of(number)).collect();
-        let built = Built {
-            config: FuseConfig::default(),
-            lineage: Vec::new(),
-            process: String::new(),
-            learns_directions: false,
-        };
-        Ok(Arc::new(build_reference(&built, shoulders.context("a shoulder is not planned")?)?))
+        Ok(Arc::new(build_reference(&Built::default(), shoulders.context("a shoulder is not planned")?)?))
     }
 }

@@ -10,7 +10,7 @@ use anyhow::Result;
 use tapline_fuse::FuseConfig;
 
 use super::dataset::Dataset;
-use super::judge::{ComparedWith, judge};
+use super::judge::judge;
 use super::sets::{Cracks, Set, cracked, sound};
 use super::size::Size;
 
@@ -27,8 +27,8 @@ pub(super) fn detection(set: &Set, size: &Size, seed: u64) -> Result<Vec<Detecti
     let targets = targets.map(|k| cracked(format!("target-{k:03}"), &CRACKS, size.location_count, seed, 500_000 + k));
     let tyres: Vec<_> = references.chain(targets).collect();
     let dataset = Dataset::scan(&set.simulation, tyres.clone(), &size.turns, (seed, size.location_count))?;
-    let by = ComparedWith::File(dataset.reference(|tyre| tyre.starts_with("reference"))?);
-    let judged = judge(&FuseConfig::default(), &dataset.of_tyres(|tyre| tyre.starts_with("target"))?, &by)?;
+    let by = dataset.reference(|tyre| tyre.starts_with("reference"))?;
+    let judged = judge(&FuseConfig::default(), &dataset.of_tyres(|tyre| tyre.starts_with("target"))?, Some(&by))?;
     let mut found = Vec::new();
     let mut limit = f64::NAN;
     for shoulder in &judged {

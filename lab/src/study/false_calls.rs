@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use tapline_fuse::{FuseConfig, IndexKind};
 
 use super::dataset::Dataset;
-use super::judge::{ComparedWith, judge};
+use super::judge::judge;
 use super::parallel::each;
 use super::sets::{Set, sound};
 use super::size::Size;
@@ -65,11 +65,8 @@ pub(super) fn false_calls(set: &Set, size: &Size, seed: u64) -> Result<Vec<False
         let counted = each(&jobs, |&(call, stated, drawn)| {
             let config = FuseConfig { index, ..config_for(call, stated) };
             let is_reference = |tyre: &str| drawn.iter().any(|d| d == tyre);
-            let by = match drawn.is_empty() {
-                true => ComparedWith::Itself,
-                false => ComparedWith::File(dataset.reference(is_reference)?),
-            };
-            let judged = judge(&config, &dataset.of_tyres(|tyre| !is_reference(tyre))?, &by)?;
+            let by = (!drawn.is_empty()).then(|| dataset.reference(is_reference)).transpose()?;
+            let judged = judge(&config, &dataset.of_tyres(|tyre| !is_reference(tyre))?, by.as_ref())?;
             Ok((judged.len(), judged.iter().filter(|j| call.is(j.verdict)).count()))
         })?;
         for (&(call, stated, drawn), (judged, calls)) in jobs.iter().zip(counted) {

@@ -11,7 +11,7 @@ use tapline_fuse::{FuseConfig, IndexKind};
 use tapline_model::SimulationConfig;
 
 use super::dataset::{Dataset, Turns};
-use super::judge::{ComparedWith, judge};
+use super::judge::judge;
 use super::parallel::each;
 use super::sets::{Set, cracked, sound};
 use super::size::Size;
@@ -63,10 +63,9 @@ pub(super) fn gauge(set: &Set, size: &Size, seed: u64) -> Result<Vec<GaugeResult
             })?);
         }
     }
-    let by = reference.map_or(ComparedWith::Itself, ComparedWith::File);
     let judged = each(&IndexKind::ALL, |&index| {
         let config = FuseConfig { index, ..FuseConfig::default() };
-        scans.iter().map(|scan| judge(&config, scan, &by)).collect::<Result<Vec<Vec<ShoulderResult>>>>()
+        scans.iter().map(|scan| judge(&config, scan, reference.as_ref())).collect::<Result<Vec<Vec<ShoulderResult>>>>()
     })?;
     let repeat_count = usize::from(size.gauge_scans);
     let of = |(&index, scans): (&IndexKind, &Vec<Vec<ShoulderResult>>)| {

@@ -9,36 +9,22 @@ use tapline_wire::{Discriminator, Verdict};
 use super::dataset::Dataset;
 use crate::evaluation::ShoulderResult;
 
-/// What shoulders are compared with.
-#[derive(Debug, Clone)]
-pub(super) enum ComparedWith {
-    /// Each tyre with itself.
-    Itself,
-    /// The shoulders of a file.
-    File(Arc<ReferenceSet>),
+/// The fusion that has had all taps of `dataset`: by the shoulders of a reference, or each tyre by itself.
+fn fusion(config: &FuseConfig, dataset: &Dataset, by: Option<&Arc<ReferenceSet>>) -> Result<Fusion> {
+    let config = FuseConfig { reference: Some(Reference::Own), ..config.clone() };
+    let mut fusion = Fusion::by(&config, &dataset.plan, by.cloned())?;
+    dataset.records.iter().try_for_each(|record| fusion.push(record))?;
+    (0..dataset.plan.scans().len()).try_for_each(|number| fusion.end(number))?;
+    Ok(fusion)
 }
 
-impl ComparedWith {
-    /// The fusion that has had all taps of `dataset`.
-    fn fusion(&self, config: &FuseConfig, dataset: &Dataset) -> Result<Fusion> {
-        let with = |reference| FuseConfig { reference: Some(reference), ..config.clone() };
-        let mut fusion = match self {
-            Self::Itself => Fusion::new(&with(Reference::Own), &dataset.plan)?,
-            Self::File(set) => {
-                Fusion::with_reference(&with(Reference::File("study.json".into())), &dataset.plan, set.clone())?
-            }
-        };
-        dataset.records.iter().try_for_each(|record| fusion.push(record))?;
-        for number in 0..dataset.plan.scans().len() {
-            fusion.end(number)?;
-        }
-        Ok(fusion)
-    }
-}
-
-/// The shoulders of `dataset`, in the order of its plan.
-pub(super) fn judge(config: &FuseConfig, dataset: &Dataset, by: &ComparedWith) -> Result<Vec<ShoulderResult>> {
-    let mut fusion = by.fusion(config, dataset)?;
+/// The shoulders of `dataset`, in the order of its plan, compared with those of `by` or each tyre with itself.
+pub(super) fn judge(
+    config: &FuseConfig,
+    dataset: &Dataset,
+    by: Option<&Arc<ReferenceSet>>,
+) -> Result<Vec<ShoulderResult>> {
+    let mut fusion = fusion(config, dataset, by)?;
     let judged = |number: usize| {
         let (judgement, cells) = fusion.judge(number)?;
         Ok(ShoulderResult {
@@ -54,9 +40,12 @@ pub(super) fn judge(config: &FuseConfig, dataset: &Dataset, by: &ComparedWith) -
 }
 
 /// What each discriminator says of the shoulders of `dataset`, in place of the index; nothing is called.
-pub(super) fn alone(dataset: &Dataset, by: &ComparedWith) -> Result<Vec<(Discriminator, Vec<ShoulderResult>)>> {
+pub(super) fn alone(
+    dataset: &Dataset,
+    by: Option<&Arc<ReferenceSet>>,
+) -> Result<Vec<(Discriminator, Vec<ShoulderResult>)>> {
     let config = FuseConfig { discriminators: Discriminator::ALL.to_vec(), ..FuseConfig::default() };
-    let mut fusion = by.fusion(&config, dataset)?;
+    let mut fusion = fusion(&config, dataset, by)?;
     let mut found = Discriminator::ALL.map(|which| (which, Vec::new())).to_vec();
     for number in 0..dataset.plan.scans().len() {
         for (which, results) in &mut found {

@@ -34,7 +34,7 @@ pub(crate) fn by_readings(
         for ((number, set), (_, by_reading)) in (0..).zip(&sets).zip(&mut found) {
             let splits = Split::scan_read(set, number, &size, seed, readings)?;
             let areas = each(&splits, |split| {
-                Ok(Areas::new(&judge(&FuseConfig::default(), &split.judged()?, &split.healthy()?)?))
+                Ok(Areas::new(&judge(&FuseConfig::default(), &split.judged()?, Some(&split.healthy()?))?))
             })?;
             by_reading.iter_mut().zip(areas).for_each(|(of_reading, areas)| of_reading.push(areas));
             tick();

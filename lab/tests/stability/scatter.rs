@@ -87,9 +87,7 @@ pub(crate) fn value(which: Discriminator, z: f64) -> f64 {
 /// The reference that all shoulders of `plan` make, stated to be sound.
 pub(crate) fn reference(plan: &Plan, records: &[Discriminators]) -> Arc<ReferenceSet> {
     let shoulders = (0..plan.scans().len()).map(|scan| KnownShoulder::of(plan, records, scan, None).unwrap());
-    let config = FuseConfig::default();
-    let built = Built { config, lineage: Vec::new(), process: String::new(), learns_directions: false };
-    Arc::new(build_reference(&built, shoulders.collect()).unwrap())
+    Arc::new(build_reference(&Built::default(), shoulders.collect()).unwrap())
 }
 
 /// Judges every scan of `plan` from `records`.

@@ -103,7 +103,7 @@ fn a_hole_is_named() {
     // Catches a design with a hole that is judged all the same, or one named by the wrong place.
     let mut readings = aiag();
     let place = (4 * 3 + 2) * 3 + 1;
-    let hole = Refusal::Incomplete { part: 4, operator: 2, repeat: 1 };
+    let hole = Refusal::Incomplete(4, 2, 1);
     for missing in [None, Some(f64::NAN), Some(f64::INFINITY)] {
         readings[place] = missing;
         assert_eq!(crossed(&readings, AIAG_STUDY).unwrap_err(), hole);
@@ -113,14 +113,14 @@ fn a_hole_is_named() {
         change(&mut study);
         crossed(&aiag(), study).unwrap_err()
     };
-    assert!(matches!(of(|study| study.part_count = 9), Refusal::Lengths { first: 90, second: 81, .. }));
-    assert_eq!(of(|study| study.part_count = 1), Refusal::TooFew { name: "parts", got: 1, least: 2 });
-    assert_eq!(of(|study| study.operator_count = 1), Refusal::TooFew { name: "operators", got: 1, least: 2 });
-    assert_eq!(of(|study| study.repeat_count = 1), Refusal::TooFew { name: "repeats", got: 1, least: 2 });
-    assert!(matches!(of(|study| study.part_count = usize::MAX), Refusal::Lengths { .. }));
-    assert_eq!(crossed(&[Some(0.1); 90], AIAG_STUDY).unwrap_err(), Refusal::NoScatter { name: "readings" });
-    assert!(matches!(one_way(&aiag()[..3], 2).unwrap_err(), Refusal::TooFew { name: "repeats", got: 1, .. }));
-    assert!(matches!(one_way(&aiag()[..5], 2).unwrap_err(), Refusal::Lengths { first: 5, second: 4, .. }));
+    assert!(matches!(of(|study| study.part_count = 9), Refusal::Lengths(_, 90, _, 81)));
+    assert_eq!(of(|study| study.part_count = 1), Refusal::TooFew("parts", 1, 2));
+    assert_eq!(of(|study| study.operator_count = 1), Refusal::TooFew("operators", 1, 2));
+    assert_eq!(of(|study| study.repeat_count = 1), Refusal::TooFew("repeats", 1, 2));
+    assert!(matches!(of(|study| study.part_count = usize::MAX), Refusal::Lengths(..)));
+    assert_eq!(crossed(&[Some(0.1); 90], AIAG_STUDY).unwrap_err(), Refusal::NoScatter("readings"));
+    assert!(matches!(one_way(&aiag()[..3], 2).unwrap_err(), Refusal::TooFew("repeats", 1, _)));
+    assert!(matches!(one_way(&aiag()[..5], 2).unwrap_err(), Refusal::Lengths(_, 5, _, 4)));
 }
 
 #[test]

@@ -12,11 +12,11 @@ use crate::experiment::tyres::{CRACKED_SPOT, SLOWEST_M_PER_S, SOUND_SPOT, VELOCI
 /// Fig. 60: the peak of the sound at four offsets.
 pub(super) fn of_offset(experiment: &Experiment) -> Figure {
     let turns = experiment.offset_turns();
-    let mut table = Table::new(&["offset_mm", "location", "angle_deg", "severity", "peak_sound_v"]);
+    let mut table = Table::long("fig60", "", &["offset_mm", "location", "angle_deg", "severity", "peak_sound_v"]);
     for (offset_mm, turn) in &turns {
         for tap in turn {
             let place = [cell(*offset_mm), tap.found.id.location.to_string(), cell(tap.angle_deg)];
-            table.push(place.into_iter().chain([tap.severity.to_string(), cell(tap.peak_v)]));
+            table.push_texts(place.into_iter().chain([tap.severity.to_string(), cell(tap.peak_v)]));
         }
     }
     let curves =
@@ -36,13 +36,13 @@ pub(super) fn of_offset(experiment: &Experiment) -> Figure {
         height: 300.0,
         plots: vec![ring_plot(String::new(), "Peak in V", None, curves, under)],
     };
-    Figure { name: "fig60", picture, table }
+    Figure { picture, table }
 }
 
 /// Fig. 61: contact time against velocity at one place.
 pub(super) fn of_velocity_at_one_place(experiment: &Experiment) -> Figure {
     let dataset = &experiment.at_one_place;
-    let mut table = Table::new(&["place", "velocity_m_per_s", "repetition", "tau_s"]);
+    let mut table = Table::long("fig61", "", &["place", "velocity_m_per_s", "repetition", "tau_s"]);
     let (mut curves, mut keys) = (Vec::new(), Vec::new());
     for ((tyre, name), color) in [(SOUND_SPOT, "sound"), (CRACKED_SPOT, "cracked")].into_iter().zip(COLORS) {
         let here: Vec<&Tap> = dataset.taps.iter().filter(|tap| tap.found.id.tyre.as_str() == tyre).collect();
@@ -50,7 +50,7 @@ pub(super) fn of_velocity_at_one_place(experiment: &Experiment) -> Figure {
         for tap in &here {
             let (velocity_m_per_s, tau_s) = (tap.found.id.velocity_m_per_s(), tap.value(Discriminator::Tau));
             let cells = [name.to_owned(), cell(velocity_m_per_s), tap.found.id.repetition.to_string(), cell(tau_s)];
-            table.push(cells);
+            table.push_texts(cells);
             points.extend(velocity_m_per_s.zip(tau_s).map(|(v, tau_s)| (v, tau_s * 1e3)));
         }
         // V^-0.2 (Eq. 20 with the contact of Hertz), through the mean of what was measured.
@@ -77,19 +77,19 @@ pub(super) fn of_velocity_at_one_place(experiment: &Experiment) -> Figure {
         height: 300.0,
         plots: vec![plot],
     };
-    Figure { name: "fig61", picture, table }
+    Figure { picture, table }
 }
 
 /// Fig. 62: contact time and peak of the sound at three velocities.
 pub(super) fn of_velocity(experiment: &Experiment) -> Figure {
     let turns = experiment.velocity_turns();
     let columns = ["velocity_m_per_s", "location", "angle_deg", "severity", "tau_s", "peak_sound_v"];
-    let mut table = Table::new(&columns);
+    let mut table = Table::long("fig62", "", &columns);
     for (velocity_m_per_s, turn) in &turns {
         for tap in turn {
             let place = [cell(*velocity_m_per_s), tap.found.id.location.to_string(), cell(tap.angle_deg)];
             let values = [tap.severity.to_string(), cell(tap.value(Discriminator::Tau)), cell(tap.peak_v)];
-            table.push(place.into_iter().chain(values));
+            table.push_texts(place.into_iter().chain(values));
         }
     }
     let curves = |value: &dyn Fn(&Tap) -> Option<f64>| {
@@ -111,5 +111,5 @@ pub(super) fn of_velocity(experiment: &Experiment) -> Figure {
             ring_plot("Peak of the sound".to_owned(), "Peak in V", None, curves(&|tap| Some(tap.peak_v)), under),
         ],
     };
-    Figure { name: "fig62", picture, table }
+    Figure { picture, table }
 }

@@ -40,7 +40,7 @@ fn boxes(which: Discriminator, groups: &[(String, Vec<&Tap>)], table: &mut Table
     for ((label, taps), color) in groups.iter().zip([COLORS[0], COLORS[1], COLORS[1], COLORS[1]]) {
         let values: Vec<f64> = taps.iter().filter_map(|tap| tap.value(which)).collect();
         if let Some(stats) = BoxStats::new(&values) {
-            table.push(row(which, label, &stats));
+            table.push_texts(row(which, label, &stats));
         }
         let scaled: Vec<f64> = values.iter().map(|value| value * scale).collect();
         categories.extend(BoxStats::new(&scaled).map(|stats| Category { label: label.clone(), color, stats }));
@@ -57,7 +57,7 @@ pub(super) fn by_severity(experiment: &Experiment) -> Figure {
     let [turn, _] = experiment.repetitions(1);
     let of = |severity: u8| turn.iter().copied().filter(|tap| tap.severity == severity).collect();
     let groups: Vec<(String, Vec<&Tap>)> = (0..=3_u8).map(|severity| (severity.to_string(), of(severity))).collect();
-    let mut table = Table::new(&columns("severity"));
+    let mut table = Table::long("fig66-67", "", &columns("severity"));
     let which = [Discriminator::FMax, Discriminator::Tau, Discriminator::A1, Discriminator::Pr];
     let plots = which.map(|which| {
         let categories = boxes(which, &groups, &mut table);
@@ -75,17 +75,17 @@ pub(super) fn by_severity(experiment: &Experiment) -> Figure {
         height: 190.0,
         plots: plots.to_vec(),
     };
-    Figure { name: "fig66-67", picture, table }
+    Figure { picture, table }
 }
 
 /// Fig. 68: the normalised difference of two repetitions (Eq. 54), and the scatter of a tap over that of sound locations.
 pub(super) fn repeatability(experiment: &Experiment) -> Figure {
     let turns = experiment.repetitions(1);
-    let mut table = Table::new(&["discriminator", "nor_rmse", "within_location_sd_per_healthy_sd"]);
+    let mut table = Table::long("fig68", "", &["discriminator", "nor_rmse", "within_location_sd_per_healthy_sd"]);
     let (mut by_range, mut by_sd) = (Vec::new(), Vec::new());
     for which in SEVEN {
         let both = repeats(&turns, which);
-        table.push([which.column().to_owned(), cell(both.0), cell(both.1)]);
+        table.push_texts([which.column().to_owned(), cell(both.0), cell(both.1)]);
         for (bars, value, color) in [(&mut by_range, both.0, COLORS[0]), (&mut by_sd, both.1, COLORS[1])] {
             let label = shown(which).0.to_owned();
             bars.extend(value.map(|value| Bar { label, color, value }));
@@ -102,7 +102,7 @@ pub(super) fn repeatability(experiment: &Experiment) -> Figure {
             plot("Scatter of a tap over that of sound locations".to_owned(), "", Content::Bars(by_sd)),
         ],
     };
-    Figure { name: "fig68", picture, table }
+    Figure { picture, table }
 }
 
 /// Nor_RMSE of two turns (Eq. 54); and, of the sound locations, the part of their standard deviation that is not the
@@ -121,7 +121,7 @@ pub(super) fn cracked_and_sound(experiment: &Experiment) -> Figure {
     let [turn, _] = experiment.repetitions(1);
     let of = |is_cracked: bool| turn.iter().copied().filter(|tap| tap.is_cracked() == is_cracked).collect();
     let groups: Vec<(String, Vec<&Tap>)> = vec![("sound".to_owned(), of(false)), ("cracked".to_owned(), of(true))];
-    let mut table = Table::new(&columns("place"));
+    let mut table = Table::long("fig69", "", &columns("place"));
     let plots = SEVEN.map(|which| {
         let categories = boxes(which, &groups, &mut table);
         plot(title_of(which), "", Content::Boxes { categories, joins_means: false })
@@ -134,5 +134,5 @@ pub(super) fn cracked_and_sound(experiment: &Experiment) -> Figure {
         height: 190.0,
         plots: plots.to_vec(),
     };
-    Figure { name: "fig69", picture, table }
+    Figure { picture, table }
 }

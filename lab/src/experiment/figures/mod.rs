@@ -15,6 +15,7 @@ use tapline_draw::canvas::Point;
 use super::dataset::{Experiment, Tap};
 use super::draw::{Content, Curve, Picture, Plot, Shade};
 use super::index::{Indices, PowerRatio, indices};
+use crate::evaluation::Table;
 use crate::figures::significant;
 
 /// The six discriminators of the index: all but A_2 (section 5.4.3).
@@ -26,35 +27,9 @@ pub(super) const SIX: [Discriminator; 6] = {
 /// A figure, or a few that belong together.
 #[derive(Debug, Clone)]
 pub(super) struct Figure {
-    /// Name of its files.
-    pub name: &'static str,
     pub picture: Picture,
+    /// In SI units but for angles and offsets, as everywhere in the program. Its name is that of the picture's file too.
     pub table: Table,
-}
-
-/// Rows of a CSV file, in SI units but for angles and offsets, as everywhere in the program.
-#[derive(Debug, Clone)]
-pub(super) struct Table {
-    columns: Vec<&'static str>,
-    rows: Vec<Vec<String>>,
-}
-
-impl Table {
-    fn new(columns: &[&'static str]) -> Self {
-        Self { columns: columns.to_vec(), rows: Vec::new() }
-    }
-
-    fn push(&mut self, cells: impl IntoIterator<Item = String>) {
-        self.rows.push(cells.into_iter().collect());
-    }
-
-    /// As text.
-    pub(super) fn csv(&self) -> Result<String> {
-        let mut out = csv::Writer::from_writer(Vec::new());
-        out.write_record(&self.columns)?;
-        self.rows.iter().try_for_each(|row| out.write_record(row))?;
-        Ok(String::from_utf8(out.into_inner()?)?)
-    }
 }
 
 /// All of them, in the order of their numbers.

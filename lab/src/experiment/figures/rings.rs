@@ -27,11 +27,11 @@ pub(super) fn repetitions(experiment: &Experiment) -> Figure {
         .into_iter()
         .chain(SEVEN.map(Discriminator::column))
         .collect();
-    let mut table = Table::new(&columns);
+    let mut table = Table::long("fig63-64", "", &columns);
     for tap in turns.iter().flatten() {
         let id = &tap.found.id;
         let place = [id.repetition.to_string(), id.location.to_string(), cell(tap.angle_deg), tap.severity.to_string()];
-        table.push(place.into_iter().chain(SEVEN.map(|which| cell(tap.value(which)))));
+        table.push_texts(place.into_iter().chain(SEVEN.map(|which| cell(tap.value(which)))));
     }
     let plot = |which: Discriminator| {
         let scaled = |tap: &Tap| tap.value(which).map(|value| value * shown(which).2);
@@ -47,21 +47,21 @@ pub(super) fn repetitions(experiment: &Experiment) -> Figure {
         height: 140.0,
         plots: SEVEN.map(plot).to_vec(),
     };
-    Figure { name: "fig63-64", picture, table }
+    Figure { picture, table }
 }
 
 /// Figs. 70 and 71: six discriminators of both shoulders, the mean of two turns.
 pub(super) fn shoulders(experiment: &Experiment) -> Figure {
     let columns: Vec<&str> =
         ["shoulder", "location", "angle_deg", "severity"].into_iter().chain(SIX.map(Discriminator::column)).collect();
-    let mut table = Table::new(&columns);
+    let mut table = Table::long("fig70-71", "", &columns);
     let both = [1, 2].map(|shoulder| experiment.repetitions(shoulder));
     for turns in &both {
         let values = SIX.map(|which| averaged(turns, which));
         for (place, tap) in turns[0].iter().enumerate() {
             let id = &tap.found.id;
             let at = [id.shoulder.to_string(), id.location.to_string(), cell(tap.angle_deg), tap.severity.to_string()];
-            table.push(at.into_iter().chain(values.iter().map(|values| cell(values[place]))));
+            table.push_texts(at.into_iter().chain(values.iter().map(|values| cell(values[place]))));
         }
     }
     let plot = |which: Discriminator| {
@@ -83,12 +83,13 @@ pub(super) fn shoulders(experiment: &Experiment) -> Figure {
         height: 140.0,
         plots: SIX.map(plot).to_vec(),
     };
-    Figure { name: "fig70-71", picture, table }
+    Figure { picture, table }
 }
 
 /// Figs. 73 to 75: the damage index of the three tyres.
 pub(super) fn damage(experiment: &Experiment, indices: &Indices) -> Figure {
-    let mut table = Table::new(&["tyre", "shoulder", "location", "angle_deg", "severity", "damage_index"]);
+    let mut table =
+        Table::long("fig73-75", "", &["tyre", "shoulder", "location", "angle_deg", "severity", "damage_index"]);
     let mut plots = Vec::new();
     let tyres = [
         (REPRESENTATIVE, "Fig. 73: representative tyre"),
@@ -104,7 +105,7 @@ pub(super) fn damage(experiment: &Experiment, indices: &Indices) -> Figure {
             for (tap, &index) in turn.iter().zip(of_shoulder) {
                 let place = [shoulder.to_string(), tap.found.id.location.to_string(), cell(tap.angle_deg)];
                 let values = [tap.severity.to_string(), cell(index)];
-                table.push([tyre.to_ascii_lowercase()].into_iter().chain(place).chain(values));
+                table.push_texts([tyre.to_ascii_lowercase()].into_iter().chain(place).chain(values));
             }
             let values = of_shoulder.iter().chain(of_shoulder.first());
             let points = turn.iter().zip(values).map(|(tap, index)| (tap.angle_deg, index.unwrap_or(f64::NAN)));
@@ -123,12 +124,12 @@ pub(super) fn damage(experiment: &Experiment, indices: &Indices) -> Figure {
         height: 150.0,
         plots,
     };
-    Figure { name: "fig73-75", picture, table }
+    Figure { picture, table }
 }
 
 /// Fig. 76: the spectra of both shoulders, location by location.
 pub(super) fn b_scan(experiment: &Experiment) -> Figure {
-    let mut table = Table::new(&["shoulder", "location", "frequency_hz", "density_v2_per_hz"]);
+    let mut table = Table::long("fig76", "", &["shoulder", "location", "frequency_hz", "density_v2_per_hz"]);
     let mut plots = Vec::new();
     for shoulder in [1, 2] {
         let [turn, _] = experiment.repetitions(shoulder);
@@ -138,7 +139,7 @@ pub(super) fn b_scan(experiment: &Experiment) -> Figure {
             for (step, density) in densities.iter().enumerate() {
                 let middle_hz = BAND_HZ.0 + (step as f64 + 0.5) * STEP_HZ;
                 let place = [shoulder.to_string(), tap.found.id.location.to_string(), cell(middle_hz)];
-                table.push(place.into_iter().chain([format!("{density:.3e}")]));
+                table.push_texts(place.into_iter().chain([format!("{density:.3e}")]));
             }
             columns.push(densities.iter().map(|density| 10.0 * density.log10()).collect());
         }
@@ -162,5 +163,5 @@ pub(super) fn b_scan(experiment: &Experiment) -> Figure {
         height: 210.0,
         plots,
     };
-    Figure { name: "fig76", picture, table }
+    Figure { picture, table }
 }

@@ -25,6 +25,11 @@ struct Motion {
 
 impl Solved {
     pub(super) fn new(impact: &Impact) -> Self {
+        Self::by(impact, -1.0)
+    }
+
+    /// By a' = x_1' + `sign` x_2', in which Eq. 7 prints a plus.
+    pub(super) fn by(impact: &Impact, sign: f64) -> Self {
         let v0 = impact.velocity_m_per_s;
         let unit_s = (impact.mass_kg.powi(2) / (impact.k_c_n_per_m1_5.powi(2) * v0)).powf(0.2);
         let dt = unit_s / STEPS;
@@ -34,9 +39,9 @@ impl Solved {
         let mut time_s = 0.0;
         while time_s < WINDOW_S {
             let before = motion;
-            motion = step(impact, motion, dt);
+            motion = step(impact, sign, motion, dt);
             time_s += dt;
-            forces = [forces[1], forces[2], force(impact, &motion)];
+            forces = [forces[1], forces[2], force(impact, sign, &motion)];
             let peak = vertex(forces);
             solved.f_max_n = if peak > solved.f_max_n { peak } else { solved.f_max_n };
             solved.d_max_m = if motion.x[0] > solved.d_max_m { motion.x[0] } else { solved.d_max_m };
@@ -70,15 +75,15 @@ fn vertex([a, b, c]: [f64; 3]) -> f64 {
     if b > a && b >= c && bend < 0.0 { b - (a - c).powi(2) / (8.0 * bend) } else { b }
 }
 
-fn force(impact: &Impact, motion: &Motion) -> f64 {
+fn force(impact: &Impact, sign: f64, motion: &Motion) -> f64 {
     let gap = motion.x[0] - motion.x[1];
-    let pull = 1.0 + impact.chi * (motion.v[0] - motion.v[1]) / impact.velocity_m_per_s;
+    let pull = 1.0 + impact.chi * (motion.v[0] + sign * motion.v[1]) / impact.velocity_m_per_s;
     if gap > 0.0 && pull > 0.0 { impact.k_c_n_per_m1_5 * gap.powf(1.5) * pull } else { 0.0 }
 }
 
 /// Accelerations of impactor and layer.
-fn accelerations(impact: &Impact, motion: &Motion) -> [f64; 2] {
-    let force_n = force(impact, motion);
+fn accelerations(impact: &Impact, sign: f64, motion: &Motion) -> [f64; 2] {
+    let force_n = force(impact, sign, motion);
     let layer = impact.plate.map_or(0.0, |plate| {
         let held = plate.damping_n_s_per_m * motion.v[1]
             + plate.stiffness_n_per_m * motion.x[1]
@@ -89,18 +94,18 @@ fn accelerations(impact: &Impact, motion: &Motion) -> [f64; 2] {
 }
 
 /// One step of Runge and Kutta's classical method.
-fn step(impact: &Impact, from: Motion, dt: f64) -> Motion {
+fn step(impact: &Impact, sign: f64, from: Motion, dt: f64) -> Motion {
     let moved = |by: f64, v: [f64; 2], a: [f64; 2]| Motion {
         x: [from.x[0] + by * v[0], from.x[1] + by * v[1]],
         v: [from.v[0] + by * a[0], from.v[1] + by * a[1]],
     };
-    let a1 = accelerations(impact, &from);
+    let a1 = accelerations(impact, sign, &from);
     let second = moved(0.5 * dt, from.v, a1);
-    let a2 = accelerations(impact, &second);
+    let a2 = accelerations(impact, sign, &second);
     let third = moved(0.5 * dt, second.v, a2);
-    let a3 = accelerations(impact, &third);
+    let a3 = accelerations(impact, sign, &third);
     let fourth = moved(dt, third.v, a3);
-    let a4 = accelerations(impact, &fourth);
+    let a4 = accelerations(impact, sign, &fourth);
     let mean = |k: [f64; 4]| (k[0] + 2.0 * k[1] + 2.0 * k[2] + k[3]) / 6.0;
     let v = [0, 1].map(|i| mean([from.v[i], second.v[i], third.v[i], fourth.v[i]]));
     let a = [0, 1].map(|i| mean([a1[i], a2[i], a3[i], a4[i]]));

@@ -3,7 +3,7 @@
 mod detection;
 
 use anyhow::{Context as _, Result};
-use tapline_process::{DurationEstimator, Extractor, PeakEstimator, ProcessConfig};
+use tapline_process::{Extractor, ProcessConfig};
 use tapline_wire::Discriminator;
 
 use super::Entry;
@@ -12,7 +12,9 @@ use crate::chart::cost::{Workload, by_turns};
 use crate::chart::front::Tolerance;
 use crate::chart::panel::{Facet, Panel, Quantity};
 use crate::chart::point::{Cost, Error, Failure, Point, exceeds};
-use crate::estimators::{Cell, Effort, Row, extract_force, measure_one, pulse_records};
+use crate::estimators::{
+    Cell, Effort, Estimator as Way, Row, estimators_of as ways, extract_force, measure_one, pulse_records,
+};
 use crate::simulated::Simulator;
 
 pub(super) const ENTRY: Entry =
@@ -24,34 +26,6 @@ const PULSES: [&str; 3] = ["integral", "plate", "full"];
 const RATE_HZ: u32 = 40_960;
 const COARSE_RATE_HZ: u32 = 10_240;
 
-/// One estimator of either quantity.
-#[derive(Debug, Clone, Copy)]
-struct Way {
-    /// As the estimators' table has it.
-    name: &'static str,
-    which: Discriminator,
-    config: ProcessConfig,
-}
-
-fn ways(which: Discriminator) -> Vec<Way> {
-    let plain = crate::estimators::plain();
-    let peak = |name, f_max| Way { name, which, config: ProcessConfig { f_max, ..plain } };
-    let time = |name, tau| Way { name, which, config: ProcessConfig { tau, ..plain } };
-    match which {
-        Discriminator::FMax => vec![
-            peak("raw", PeakEstimator::Raw),
-            peak("parabola", PeakEstimator::Parabola),
-            peak("polynomial", PeakEstimator::Polynomial),
-        ],
-        _ => vec![
-            time("half_sine", DurationEstimator::HalfSine),
-            time("width_02", DurationEstimator::Width02),
-            time("width_50", DurationEstimator::Width50),
-            time("impulse", DurationEstimator::Impulse),
-        ],
-    }
-}
-
 impl Way {
     fn is_default(self) -> bool {
         let default = ProcessConfig::default();
@@ -59,7 +33,7 @@ impl Way {
     }
 
     fn words(self) -> String {
-        format!("{} = \"{}\"", if self.which == Discriminator::FMax { "f_max" } else { "tau" }, self.name)
+        format!("{} = \"{}\"", if self.quantities[0] == Discriminator::FMax { "f_max" } else { "tau" }, self.name)
     }
 }
 
@@ -101,7 +75,7 @@ fn cell(signal: &str, rate_hz: u32, snr_db: Option<u32>) -> Cell {
 /// The row of `way` in what was measured of a cell.
 fn row_of<'a>(rows: &'a [Row], way: &Way) -> Result<&'a Row> {
     rows.iter()
-        .find(|row| row.estimator == way.name && row.quantity == way.which.column())
+        .find(|row| row.estimator == way.name && row.quantity == way.quantities[0].column())
         .with_context(|| format!("{} was not measured", way.name))
 }
 
@@ -152,7 +126,7 @@ fn failures(bench: &Bench, way: &Way) -> Result<Vec<Failure>> {
         let rows = measure_one(&cell(pulse, rate_hz, snr_db), effort)?;
         Ok(row_of(&rows, way)?.bias_percent)
     };
-    if way.which == Discriminator::FMax {
+    if way.quantities[0] == Discriminator::FMax {
         let few = bias("plate", COARSE_RATE_HZ, None)?.abs();
         return Ok(exceeds("C13: a pulse of ten samples, bias of F_max in %", few, 2.0).into_iter().collect());
     }
@@ -169,7 +143,7 @@ fn costs(bench: &Bench, ways: &[Way]) -> Result<Vec<Cost>> {
     let mut workloads = Vec::new();
     for way in ways {
         let mut extractor = Extractor::<f64>::new(&way.config)?;
-        let which = way.which;
+        let which = way.quantities[0];
         workloads.push(Workload::each(&records, move |samples| {
             extract_force(&mut extractor, samples, RATE_HZ).and_then(|values| values.get(which)).unwrap_or(f64::NAN)
         }));
