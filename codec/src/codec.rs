@@ -175,6 +175,7 @@ fn is_blosc_of(packed: &[u8], length: usize) -> bool {
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
+    use tapline_testing::noise::Noise;
 
     use super::*;
 
@@ -311,11 +312,8 @@ mod tests {
     /// Catches a packing that is worse than LZ4's own search: a record like a tap's, in noise of 4 bits.
     #[test]
     fn planes_pack_as_well_as_a_search() {
-        let mut state = 1_u32;
-        let mut noise = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 28) as i16 - 8
-        };
+        let mut noise = Noise(1);
+        let mut noise = || (noise.bits() >> 28) as i16 - 8;
         let sound = |k: usize| (9000.0 * (-(k as f64) / 900.0).exp() * (k as f64 * 0.3).sin()) as i16;
         let samples: Vec<u8> = (0..16_384).flat_map(|k| (sound(k) + noise()).to_le_bytes()).collect();
         let mut searched = Vec::new();

@@ -23,8 +23,10 @@ mod values;
 use std::path::Path;
 use std::{fmt, io};
 
+use serde::{Deserialize, Serialize};
+
 pub use error::{Error, Result};
-pub use tap_set::writer::{Scales, TapSetWriter};
+pub use tap_set::writer::{Scales, TapSetWriter, write_wav};
 pub use taps::{ListedTap, TapCounts, TapFolder};
 pub use uff::UffEncoding;
 pub use values::{ColumnInfo, ColumnKind, Values};
@@ -40,7 +42,8 @@ use crate::uff::Uff;
 use tapline_store::Reader;
 
 /// A table that can be exported.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Export {
     /// The discriminators of every archived tap.
     Discriminators,

@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 use std::ops::Range;
+use std::sync::Arc;
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -11,7 +12,7 @@ use tapline_wire::{
     Values,
 };
 
-use crate::{Fusion, Score, ScorePool};
+use crate::{Built, FuseConfig, Fusion, KnownShoulder, Reference, ReferenceSet, Score, ScorePool};
 
 /// A casing, its scan and its scatter; standard deviations are in percent of a level.
 #[derive(Debug, Clone)]
@@ -61,6 +62,38 @@ pub(crate) fn scored(fusion: Fusion, records: &[Discriminators]) -> Score {
     let mut pool = ScorePool::default();
     pool.add(fusion, records).unwrap();
     pool.score()
+}
+
+/// `records` pushed and all scans ended; compared with `set`, where there is one.
+pub(crate) fn whole_by(
+    config: &FuseConfig,
+    plan: &Plan,
+    set: Option<&Arc<ReferenceSet>>,
+    records: &[Discriminators],
+) -> Fusion {
+    let mut fusion = Fusion::by(config, plan, set.cloned()).unwrap();
+    records.iter().for_each(|record| fusion.push(record).unwrap());
+    (0..plan.scans().len()).for_each(|scan| fusion.end(scan).unwrap());
+    fusion
+}
+
+/// What a reference is made of beside its shoulders.
+pub(crate) fn built(config: FuseConfig) -> Built {
+    Built { config, lineage: Vec::new(), process: "f_c_hz = 550.0\n".to_owned(), learns_directions: false }
+}
+
+/// A configuration whose reference is a file.
+pub(crate) fn file() -> FuseConfig {
+    FuseConfig::by(Reference::File("sound.json".into()))
+}
+
+/// The shoulders of `casing` for a reference, by the records of `seed`.
+pub(crate) fn shoulders_of(casing: &Casing, seed: u64, with_labels: bool, serial: &str) -> Vec<KnownShoulder> {
+    let plan = casing.plan();
+    let found = records(casing, &plan, seed);
+    let known = (0..plan.scans().len())
+        .map(|scan| KnownShoulder::of(&plan, &found, scan, with_labels.then(|| plan.truth())).unwrap());
+    known.map(|shoulder| KnownShoulder { tyre: serial.to_owned(), ..shoulder }).collect()
 }
 
 pub(crate) fn tyre() -> Serial {

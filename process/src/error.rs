@@ -4,23 +4,17 @@
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A frequency is not a number or lies below what it may be.
-    #[error("process.{key} = {value} Hz: must be finite and {bound}")]
-    Frequency {
-        /// Key in the configuration.
+    /// A setting is not a number or out of its bounds.
+    #[error("{table}.{key} = {value}{unit}: must be finite and {bound}")]
+    OutOfBounds {
+        /// Table of the configuration.
+        table: &'static str,
+        /// Key in that table.
         key: &'static str,
-        /// Value given, Hz.
+        /// Value given.
         value: f64,
-        /// What it must be.
-        bound: &'static str,
-    },
-    /// A time is not a number or below what it may be.
-    #[error("process.{key} = {value} s: must be finite and {bound}")]
-    Time {
-        /// Key in the configuration.
-        key: &'static str,
-        /// Value given, s.
-        value: f64,
+        /// Its unit with a space before it, or nothing.
+        unit: &'static str,
         /// What it must be.
         bound: &'static str,
     },
@@ -35,15 +29,5 @@ pub enum Error {
         bound_key: &'static str,
         /// Lower edge given, Hz.
         bound: f64,
-    },
-    /// A threshold of a quality flag is not a number or out of its bounds.
-    #[error("process.quality.{key} = {value}: must be finite and {bound}")]
-    Threshold {
-        /// Key in the configuration.
-        key: &'static str,
-        /// Value given.
-        value: f64,
-        /// What it must be.
-        bound: &'static str,
     },
 }

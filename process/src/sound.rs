@@ -7,7 +7,7 @@
 use crate::Real;
 use crate::signal::area::interpolated;
 use crate::signal::blocks::Blocks;
-use crate::signal::real::sum_of;
+use crate::signal::real::sum_of_squares;
 use crate::signal::record::Count;
 
 /// Speed of sound c in air, m/s.
@@ -56,7 +56,7 @@ pub(crate) fn magnitude_of_noise<T: Real>(signal: &[T], from: f64, sigma: f64) -
     let first = from.floor() as usize + 1;
     let blocks = signal.get(first..).unwrap_or_default().chunks(NOISE_BLOCK);
     let of_block = |block: &[T]| {
-        let power = sum_of(block, |x| x * x) / block.len() as f64;
+        let power = sum_of_squares(block) / block.len() as f64;
         let share = if power > sigma * sigma { sigma * sigma / power } else { 1.0 };
         share * block.len() as f64
     };
@@ -69,6 +69,7 @@ const NOISE_BLOCK: usize = 256;
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
+    use tapline_testing::noise::Noise;
 
     use super::*;
 
@@ -95,17 +96,10 @@ mod tests {
     /// Catches noise subtracted where the signal drowns it, and not subtracted where there is nothing else.
     #[test]
     fn noise_counts_where_it_is_alone() {
-        let mut state = 5_u32;
-        let mut normal = || {
-            let mut uniform = || {
-                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                f64::from(state) / f64::from(u32::MAX) - 0.5
-            };
-            (0..12).map(|_| uniform()).sum::<f64>()
-        };
+        let mut noise = Noise(5);
         for (amplitude, tolerance) in [(0.0, 0.03), (100.0, 1e-3), (1.0, 0.25)] {
             let clean: Vec<f64> = (0..16_384).map(|i| amplitude * (0.1 * f64::from(i)).sin()).collect();
-            let noisy: Vec<f64> = clean.iter().map(|x| x + normal()).collect();
+            let noisy: Vec<f64> = clean.iter().map(|x| x + noise.normal()).collect();
             let found = magnitude_area_of(&noisy, 0.5) - magnitude_of_noise(&noisy, 0.5, 1.0);
             let off = (found - magnitude_area_of(&clean, 0.5)) / 16_384.0;
             let unit = if amplitude > 1.0 { amplitude } else { 1.0 };

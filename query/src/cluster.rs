@@ -2,7 +2,7 @@
 //!
 //! The HDF5 library has one lock for a process, so an executor works on one file at a time, and a host runs one for each core.
 
-use std::net::{IpAddr, SocketAddr, TcpListener};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -29,31 +29,45 @@ const CORES: usize = 1;
 /// Seconds that an executor waits for a scheduler that is not there yet.
 const CONNECT_S: u16 = 30;
 
-/// A scheduler.
-#[derive(Debug, Clone)]
-pub struct Scheduler {
-    /// Address that it listens on.
+/// How others reach a process of a cluster.
+#[derive(Debug, Clone, clap::Args)]
+pub struct ListenArgs {
+    /// Address to listen on. Only this host reaches the default; there is no password.
+    #[arg(long, default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
     pub bind: IpAddr,
-    /// Its port; 0 for any that is free.
-    pub port: u16,
-    /// Name or address by which others reach this host; `bind` when left out.
+    /// Name or address by which others reach this host, where it is not that of --bind.
+    #[arg(long)]
     pub host: Option<String>,
-    /// Seconds of silence after which an executor is taken for lost.
+}
+
+/// Be the scheduler of a cluster.
+#[derive(Debug, Clone, clap::Args)]
+pub struct Scheduler {
+    /// How it is reached.
+    #[command(flatten)]
+    pub listen: ListenArgs,
+    /// Port that clients and executors connect to; 0 for any that is free.
+    #[arg(long, default_value_t = 50050)]
+    pub port: u16,
+    /// Seconds of silence after which an executor is taken for lost, and its work is given to others.
+    #[arg(long, default_value_t = 20)]
     pub executor_timeout_s: u64,
 }
 
-/// An executor.
-#[derive(Debug, Clone)]
+/// Be an executor of a cluster. It works on one file at a time: run one for each core of a host.
+#[derive(Debug, Clone, clap::Args)]
 pub struct Executor {
-    /// The cluster whose scheduler it works for.
+    /// The scheduler.
+    #[arg(value_name = "cluster://HOST:PORT")]
     pub engine: Engine,
-    /// Address that it listens on.
-    pub bind: IpAddr,
+    /// How it is reached.
+    #[command(flatten)]
+    pub listen: ListenArgs,
     /// Port from which results are fetched; 0 for any that is free.
+    #[arg(long, default_value_t = 0)]
     pub port: u16,
-    /// Name or address by which others reach this host; `bind` when left out.
-    pub host: Option<String>,
     /// Folder for what is under way; one of the system's when left out.
+    #[arg(long)]
     pub work: Option<PathBuf>,
 }
 
@@ -63,7 +77,7 @@ impl Scheduler {
     /// # Errors
     /// A port that is in use, and what Ballista returns.
     pub async fn run(self) -> Result<()> {
-        let Self { bind, port, host, executor_timeout_s } = self;
+        let Self { listen: ListenArgs { bind, host }, port, executor_timeout_s } = self;
         ensure!(
             executor_timeout_s >= TIMEOUT_MIN_S,
             "--executor-timeout-s is {executor_timeout_s}; at least {TIMEOUT_MIN_S}, as executors show themselves every {HEARTBEAT_S} s"
@@ -97,7 +111,7 @@ impl Executor {
     /// # Errors
     /// A scheduler that is not there after half a minute, a port that is in use, and what Ballista returns.
     pub async fn run(self) -> Result<()> {
-        let Self { engine, bind, port, host, work } = self;
+        let Self { engine, listen: ListenArgs { bind, host }, port, work } = self;
         let Engine::Cluster { host: scheduler_host, port: scheduler_port } = engine.clone() else {
             anyhow::bail!("an executor works for a cluster: give cluster://HOST:PORT");
         };

@@ -9,6 +9,7 @@ use ballista::prelude::{SessionConfigExt as _, SessionContextExt as _};
 use datafusion::execution::SessionStateBuilder;
 use datafusion::prelude::{SessionConfig, SessionContext};
 
+use crate::places::Place;
 use crate::plan::codec::{LogicalCodec, PhysicalCodec};
 
 /// Most partitions between the stages of a plan.
@@ -26,6 +27,20 @@ pub enum Engine {
         /// The scheduler's port.
         port: u16,
     },
+}
+
+/// Which archives are worked on, and where.
+#[derive(Debug, Clone, clap::Args)]
+pub struct ArchiveArgs {
+    /// Folders of casing files; every finished archive in them and in their subfolders is taken.
+    #[arg(required = true, value_name = "DIR|s3://BUCKET/DIR")]
+    pub places: Vec<Place>,
+    /// Where it is done: local, or cluster://HOST:PORT.
+    #[arg(long, default_value = "local")]
+    pub engine: Engine,
+    /// Files of one task; a cluster needs some 50 ms more for each task.
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..))]
+    pub files_per_task: u16,
 }
 
 impl FromStr for Engine {

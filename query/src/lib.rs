@@ -19,4 +19,4 @@ pub mod task;
 
 pub use engine::Engine;
 pub use places::{CasingFile, Place};
-pub use task::{Table, Task};
+pub use task::Task;

@@ -1,18 +1,16 @@
 //! `tapline-query`: questions over years of archives, and new results of them, on this host or a cluster.
 
 use std::io;
-use std::net::{IpAddr, Ipv4Addr};
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context as _, Result};
-use clap::{Args, Parser, Subcommand};
+use clap::{Parser, Subcommand};
 use tapline_host::messages::{print_failure, print_line};
+use tapline_query::Place;
 use tapline_query::cluster::{Executor, Scheduler};
 use tapline_query::copy::Copied;
 use tapline_query::reprocess::{self, Order};
-use tapline_query::sql::{self, Format, Question};
-use tapline_query::{Engine, Place};
+use tapline_query::sql::{self, Question};
 
 /// Exit code where something was left out.
 const INCOMPLETE: u8 = 3;
@@ -30,37 +28,8 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
-    /// Answer a question in SQL. Tables: taps, discriminators, damage, regions, verdicts.
-    #[command(after_help = SQL_HELP)]
-    Sql {
-        /// The statement.
-        sql: String,
-        #[command(flatten)]
-        archives: ArchiveArgs,
-        /// Of each casing take the newest results of `tapline reprocess` instead of its archive.
-        #[arg(long)]
-        results: bool,
-        /// How rows are printed.
-        #[arg(long, value_enum, default_value = "table")]
-        format: Format,
-    },
-    /// Judge archives again, all of them as one job, into a folder with a commit file.
-    Reprocess {
-        #[command(flatten)]
-        archives: ArchiveArgs,
-        /// Folder for the folders of jobs, or s3://BUCKET/FOLDER; on a cluster every host must reach it under this name.
-        #[arg(long, value_name = "DIR|s3://BUCKET/DIR")]
-        out: Place,
-        /// Configuration whose tables `process` and `fuse` take the place of the archives', as for `tapline reprocess`.
-        #[arg(long)]
-        config: Option<PathBuf>,
-        /// What shoulders are compared with, as for `tapline reprocess`.
-        #[arg(long, value_name = "FILE.json|TYRE/SHOULDER|self")]
-        reference: Option<String>,
-        /// Read the samples even where the archives' own discriminators would do.
-        #[arg(long)]
-        from_samples: bool,
-    },
+    Sql(Question),
+    Reprocess(Order),
     /// Copy finished archives to another place, such as a bucket. Each is checked first; what is there is not overwritten.
     Copy {
         /// Folders of casing files; every finished archive in them and in their subfolders is copied.
@@ -70,58 +39,8 @@ enum Verb {
         #[arg(long, value_name = "DIR|s3://BUCKET/DIR")]
         to: Place,
     },
-    /// Be the scheduler of a cluster.
-    Scheduler {
-        #[command(flatten)]
-        listen: ListenArgs,
-        /// Port that clients and executors connect to; 0 for any that is free.
-        #[arg(long, default_value_t = 50050)]
-        port: u16,
-        /// Seconds of silence after which an executor is taken for lost, and its work is given to others.
-        #[arg(long, default_value_t = 20)]
-        executor_timeout_s: u64,
-    },
-    /// Be an executor of a cluster. It works on one file at a time: run one for each core of a host.
-    Executor {
-        /// The scheduler.
-        #[arg(value_name = "cluster://HOST:PORT")]
-        engine: Engine,
-        #[command(flatten)]
-        listen: ListenArgs,
-        /// Port from which results are fetched; 0 for any that is free.
-        #[arg(long, default_value_t = 0)]
-        port: u16,
-        /// Folder for what is under way; one of the system's when left out.
-        #[arg(long)]
-        work: Option<PathBuf>,
-    },
-}
-
-const SQL_HELP: &str = "\
-Every table has the columns of `tapline export`, and besides file, status (ok or error) and error. A file that cannot be read
-is one row with its error: SELECT file, error FROM verdicts WHERE status = 'error'.";
-
-#[derive(Debug, Args)]
-struct ArchiveArgs {
-    /// Folders of casing files; every finished archive in them and in their subfolders is taken.
-    #[arg(required = true, value_name = "DIR|s3://BUCKET/DIR")]
-    places: Vec<Place>,
-    /// Where it is done: local, or cluster://HOST:PORT.
-    #[arg(long, default_value = "local")]
-    engine: Engine,
-    /// Files of one task; a cluster needs some 50 ms more for each task.
-    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..))]
-    files_per_task: u16,
-}
-
-#[derive(Debug, Args)]
-struct ListenArgs {
-    /// Address to listen on. Only this host reaches the default; there is no password.
-    #[arg(long, default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
-    bind: IpAddr,
-    /// Name or address by which others reach this host, where it is not that of --bind.
-    #[arg(long)]
-    host: Option<String>,
+    Scheduler(Scheduler),
+    Executor(Executor),
 }
 
 fn main() -> ExitCode {
@@ -147,25 +66,11 @@ fn main() -> ExitCode {
 /// Whether all was done.
 async fn dispatch(verb: Verb) -> Result<bool> {
     match verb {
-        Verb::Sql { sql, archives, results, format } => {
-            let ArchiveArgs { places, engine, files_per_task } = archives;
-            let question = Question { sql, places, is_results: results, files_per_task: files_per_task.into(), format };
-            sql::answer(&question, &engine, &mut io::stdout().lock()).await?;
-            Ok(true)
-        }
-        Verb::Reprocess { archives, out, config, reference, from_samples } => {
-            let ArchiveArgs { places, engine, files_per_task } = archives;
-            let files_per_task = files_per_task.into();
-            let order = Order { places, out, config, reference, is_from_samples: from_samples, files_per_task };
-            reprocess(&order, &engine).await
-        }
+        Verb::Sql(question) => sql::answer(&question, &mut io::stdout().lock()).await.map(|()| true),
+        Verb::Reprocess(order) => reprocess(&order).await,
         Verb::Copy { places, to } => copy(&places, &to).await,
-        Verb::Scheduler { listen: ListenArgs { bind, host }, port, executor_timeout_s } => {
-            Scheduler { bind, port, host, executor_timeout_s }.run().await.map(|()| true)
-        }
-        Verb::Executor { engine, listen: ListenArgs { bind, host }, port, work } => {
-            Executor { engine, bind, port, host, work }.run().await.map(|()| true)
-        }
+        Verb::Scheduler(scheduler) => scheduler.run().await.map(|()| true),
+        Verb::Executor(executor) => executor.run().await.map(|()| true),
     }
 }
 
@@ -181,9 +86,9 @@ async fn copy(places: &[Place], to: &Place) -> Result<bool> {
     Ok(failed == 0)
 }
 
-async fn reprocess(order: &Order, engine: &Engine) -> Result<bool> {
+async fn reprocess(order: &Order) -> Result<bool> {
     use io::Write as _;
-    let done = reprocess::reprocess(order, engine).await?;
+    let done = reprocess::reprocess(order).await?;
     let rows = &done.committed.rows;
     let failed: Vec<_> = done.committed.failed().collect();
     for row in failed.iter().take(NAMED_MAX) {

@@ -14,11 +14,12 @@ use datafusion::datasource::listing::ListingTableUrl;
 use datafusion::logical_expr::LogicalPlan;
 use datafusion::prelude::SessionContext;
 use futures_util::TryStreamExt as _;
+use tapline_export::Export;
 
-use crate::engine::Engine;
-use crate::places::{CasingFile, Place, find, partitions};
+use crate::engine::{ArchiveArgs, Engine};
+use crate::places::{CasingFile, find, partitions};
 use crate::plan::FilesTable;
-use crate::task::{Table, Task};
+use crate::task::{Task, sql_name};
 
 /// How rows are printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -31,43 +32,50 @@ pub enum Format {
     Json,
 }
 
-/// A question.
-#[derive(Debug, Clone)]
+/// Answer a question in SQL. Tables: taps, discriminators, damage, regions, verdicts.
+#[derive(Debug, Clone, clap::Args)]
+#[command(after_help = HELP)]
 pub struct Question {
     /// The statement.
     pub sql: String,
-    /// Where casing files are.
-    pub places: Vec<Place>,
-    /// Whether the newest results of each casing take the place of its archive.
+    /// The archives that it is about.
+    #[command(flatten)]
+    pub archives: ArchiveArgs,
+    /// Of each casing take the newest results of `tapline reprocess` instead of its archive.
+    #[arg(long = "results")]
     pub is_results: bool,
-    /// Files of one task.
-    pub files_per_task: usize,
-    /// How the rows are printed.
+    /// How rows are printed.
+    #[arg(long, value_enum, default_value = "table")]
     pub format: Format,
 }
+
+const HELP: &str = "\
+Every table has the columns of `tapline export`, and besides file, status (ok or error) and error. A file that cannot be read
+is one row with its error: SELECT file, error FROM verdicts WHERE status = 'error'.";
 
 /// Registers every table over `files` in `context`, which is connected already.
 ///
 /// # Errors
 /// What DataFusion returns.
 pub fn register(context: &SessionContext, files: &[CasingFile], files_per_task: usize) -> Result<()> {
-    for table in Table::ALL {
+    for table in Export::ALL {
         let files = FilesTable::new(Task::Read(table), partitions(files, files_per_task));
         context
-            .register_table(table.name(), Arc::new(files))
-            .with_context(|| format!("cannot register the table {}", table.name()))?;
+            .register_table(sql_name(table), Arc::new(files))
+            .with_context(|| format!("cannot register the table {}", sql_name(table)))?;
     }
     Ok(())
 }
 
-/// Answers it on `engine`, into `out`.
+/// Answers it into `out`.
 ///
 /// # Errors
 /// Folders that cannot be read, a statement that is none, an engine that fails, and `out`.
-pub async fn answer(question: &Question, engine: &Engine, out: &mut impl Write) -> Result<()> {
-    let files = find(&question.places, question.is_results).await?;
+pub async fn answer(question: &Question, out: &mut impl Write) -> Result<()> {
+    let ArchiveArgs { places, engine, files_per_task } = &question.archives;
+    let files = find(places, question.is_results).await?;
     let context = engine.connect().await?;
-    register(&context, &files, question.files_per_task)?;
+    register(&context, &files, usize::from(*files_per_task))?;
     let frame = context.sql(&question.sql).await.with_context(|| format!("cannot plan {:?}", question.sql))?;
     check_copies(frame.logical_plan(), engine)?;
     let schema = Arc::clone(frame.schema().inner());

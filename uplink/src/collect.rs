@@ -13,7 +13,6 @@ use tapline_wire::now_ns;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::time::timeout;
 
-use crate::carrier::Carrier as _;
 use crate::file::CasingFile;
 use crate::jetstream::{JetStream, TAKEN_WITHIN};
 use crate::receipt::{Fate, Receipt};

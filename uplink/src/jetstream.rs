@@ -15,7 +15,6 @@ use async_nats::jetstream::object_store::{self, InfoErrorKind, Object, ObjectInf
 use async_nats::jetstream::stream::{self, DiscardPolicy, RetentionPolicy, Stream};
 use async_nats::jetstream::{self, Context};
 
-use crate::carrier::Carrier;
 use crate::file::CasingFile;
 use crate::receipt::Receipt;
 use crate::server::{ANSWER_WITHIN, Server};
@@ -149,6 +148,38 @@ impl JetStream {
             Err(error) => Err(error).with_context(|| format!("the server does not keep the receipt of {file}")),
         }
     }
+
+    /// Publishes the bytes of the file at `path` as `file`; its digest, when all of it is kept.
+    pub(crate) async fn publish(&self, file: &CasingFile, path: &Path) -> Result<String> {
+        let mut bytes = tokio::fs::File::open(path).await.with_context(|| format!("cannot read {}", path.display()))?;
+        let put = self.objects.put(file.as_str(), &mut bytes).await;
+        let info = put.with_context(|| format!("the server does not keep {file}"))?;
+        let Some(digest) = info.digest else { bail!("the server gives no digest of {file}") };
+        self.announce(file).await?;
+        Ok(digest)
+    }
+
+    /// Has collectors told again that `file` waits; its size, and `None` if the server does not have it.
+    pub(crate) async fn remind(&self, file: &CasingFile) -> Result<Option<u64>> {
+        let Some(info) = self.info(file).await? else { return Ok(None) };
+        self.announce(file).await?;
+        Ok(Some(info.size as u64))
+    }
+
+    /// The receipt of `file`; `None` if no centre has said anything of it yet.
+    pub(crate) async fn receipt(&self, file: &CasingFile) -> Result<Option<Receipt>> {
+        let entry = self.receipts.get(file.key()).await;
+        let entry = entry.with_context(|| format!("the server does not say what became of {file}"))?;
+        let read = |bytes: &[u8]| {
+            serde_json::from_slice(bytes).with_context(|| format!("the receipt of {file} cannot be read"))
+        };
+        entry.as_deref().map(read).transpose()
+    }
+
+    /// Removes the receipt of `file`, so that a centre takes it again.
+    pub(crate) async fn forget(&self, file: &CasingFile) -> Result<()> {
+        self.receipts.purge(file.key()).await.with_context(|| format!("the receipt of {file} is not removed"))
+    }
 }
 
 /// Whether a message was refused because the queue has one of its subject.
@@ -161,34 +192,4 @@ fn is_announced(error: &PublishError) -> bool {
         source = cause.source();
     }
     false
-}
-
-impl Carrier for JetStream {
-    async fn publish(&self, file: &CasingFile, path: &Path) -> Result<String> {
-        let mut bytes = tokio::fs::File::open(path).await.with_context(|| format!("cannot read {}", path.display()))?;
-        let put = self.objects.put(file.as_str(), &mut bytes).await;
-        let info = put.with_context(|| format!("the server does not keep {file}"))?;
-        let Some(digest) = info.digest else { bail!("the server gives no digest of {file}") };
-        self.announce(file).await?;
-        Ok(digest)
-    }
-
-    async fn remind(&self, file: &CasingFile) -> Result<Option<u64>> {
-        let Some(info) = self.info(file).await? else { return Ok(None) };
-        self.announce(file).await?;
-        Ok(Some(info.size as u64))
-    }
-
-    async fn receipt(&self, file: &CasingFile) -> Result<Option<Receipt>> {
-        let entry = self.receipts.get(file.key()).await;
-        let entry = entry.with_context(|| format!("the server does not say what became of {file}"))?;
-        let read = |bytes: &[u8]| {
-            serde_json::from_slice(bytes).with_context(|| format!("the receipt of {file} cannot be read"))
-        };
-        entry.as_deref().map(read).transpose()
-    }
-
-    async fn forget(&self, file: &CasingFile) -> Result<()> {
-        self.receipts.purge(file.key()).await.with_context(|| format!("the receipt of {file} is not removed"))
-    }
 }

@@ -13,11 +13,10 @@
 //! - `server`: where the server is, and what a connection to it needs
 //! - `file`: names of files, and which of them are safe to write
 //! - `receipt`: what a centre says of a file
-//! - `carrier`: what the sender needs of a server; `jetstream`: the one that it has, NATS JetStream
+//! - `jetstream`: the server that both ends use, NATS JetStream
 //! - `send`, `collect`: the two ends; `staging`: a centre's folder
 //! - `session`: tries again after any trouble, and says it once
 
-mod carrier;
 mod collect;
 mod file;
 mod jetstream;
@@ -27,7 +26,6 @@ mod server;
 mod session;
 mod staging;
 
-pub use crate::carrier::Carrier;
 pub use crate::collect::{Collected, Collector, collect};
 pub use crate::file::{CasingFile, Site};
 pub use crate::receipt::{Fate, Receipt};

@@ -9,7 +9,6 @@ use std::time::{Duration, Instant, UNIX_EPOCH};
 use anyhow::Result;
 use futures_util::{StreamExt as _, TryStreamExt as _, stream};
 
-use crate::carrier::Carrier;
 use crate::file::{CasingFile, Site};
 use crate::jetstream::JetStream;
 use crate::receipt::{Fate, Receipt};
@@ -134,7 +133,7 @@ impl Sending<'_> {
     /// Sends until there is trouble, or nothing is left to send and that is all that was asked.
     async fn attempt(
         &mut self,
-        carrier: &impl Carrier,
+        carrier: &JetStream,
         until: &Until,
         finished: &mut impl FnMut() -> Result<Vec<PathBuf>>,
         tell: &mut impl FnMut(&Sent),
@@ -196,7 +195,7 @@ impl Sending<'_> {
     }
 
     /// Asks for the receipts of files that wait, and of those of which nothing is known yet.
-    async fn ask(&mut self, carrier: &impl Carrier, paths: &[PathBuf], tell: &mut impl FnMut(&Sent)) -> Result<()> {
+    async fn ask(&mut self, carrier: &JetStream, paths: &[PathBuf], tell: &mut impl FnMut(&Sent)) -> Result<()> {
         let mut asked = Vec::new();
         for path in paths {
             if self.files.get(path).is_some_and(|state| !state.is_asked()) {
@@ -286,7 +285,7 @@ impl Sending<'_> {
     }
 
     /// Has the server keep the file at `path`, if no centre has spoken of it, it does not, and not too many are on their way.
-    async fn put(&mut self, carrier: &impl Carrier, path: &PathBuf, trouble: &mut Trouble) -> Result<()> {
+    async fn put(&mut self, carrier: &JetStream, path: &PathBuf, trouble: &mut Trouble) -> Result<()> {
         let (is_sent, digest) = match self.files.get(path) {
             None | Some(State::Settled { .. }) => return Ok(()),
             Some(State::Waits { asked: Some(asked), .. } | State::Unreadable(asked)) if asked.elapsed() < ASK_AFTER => {

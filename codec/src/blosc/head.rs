@@ -100,6 +100,7 @@ pub(super) fn put_sum(chunk: &mut [u8], block_count: usize, block: usize, begin:
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
+    use tapline_testing::noise::Noise;
 
     use super::*;
     use crate::checksum::{chunk_checksum, head_of, is_chunk_valid};
@@ -195,12 +196,8 @@ mod tests {
     #[test]
     fn other_chunks_have_no_head() {
         let mut packed = Vec::new();
-        let mut state = 1_u32;
-        let mut noise = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 24) as u8
-        };
-        let noise: Vec<u8> = (0..20_000).map(|_| noise()).collect();
+        let mut noise = Noise(1);
+        let noise: Vec<u8> = (0..20_000).map(|_| (noise.bits() >> 24) as u8).collect();
         super::super::pack(2, &noise, &mut Vec::new(), &mut packed);
         assert!(Head::new(&packed).is_none(), "it gained nothing");
         assert!(Head::new(&[]).is_none());

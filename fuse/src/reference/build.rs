@@ -23,7 +23,7 @@ const CLASS_MIN: usize = 20;
 const SURE_AT: f64 = 3.0;
 
 /// What a reference is made of.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Built {
     /// Which discriminators the summary is of, which way they move, the rate of false calls.
     pub config: FuseConfig,

@@ -4,12 +4,8 @@ use proptest::prelude::*;
 use tapline_wire::{Discriminator, Reasons, Verdict};
 
 use super::*;
-use crate::testing::{Casing, records, scored, tyre};
+use crate::testing::{Casing, built, file, records, scored, shoulders_of, tyre, whole_by};
 use crate::{Built, Direction, FuseConfig, Fusion, IndexKind, Reference, build_reference};
-
-fn built(config: FuseConfig) -> Built {
-    Built { config, lineage: Vec::new(), process: "f_c_hz = 550.0\n".to_owned(), learns_directions: false }
-}
 
 /// A casing with six cracks of five locations, known, and the reference of it.
 fn labelled() -> Casing {
@@ -17,28 +13,10 @@ fn labelled() -> Casing {
     Casing { cracks, shift: 3.0, ..Casing::default() }
 }
 
-fn shoulders_of(casing: &Casing, seed: u64, with_labels: bool, serial: &str) -> Vec<KnownShoulder> {
-    let plan = casing.plan();
-    let found = records(casing, &plan, seed);
-    let known = (0..plan.scans().len())
-        .map(|scan| KnownShoulder::of(&plan, &found, scan, with_labels.then(|| plan.truth())).unwrap());
-    known.map(|shoulder| KnownShoulder { tyre: serial.to_owned(), ..shoulder }).collect()
-}
-
-fn file() -> FuseConfig {
-    FuseConfig::by(Reference::File("sound.json".into()))
-}
-
 /// Verdict and damage map of a casing by a reference.
 fn judged(set: &ReferenceSet, config: &FuseConfig, casing: &Casing, seed: u64) -> (Verdict, Reasons, Vec<u32>) {
     let plan = casing.plan();
-    let mut fusion = Fusion::with_reference(config, &plan, Arc::new(set.clone())).unwrap();
-    for record in records(casing, &plan, seed) {
-        fusion.push(&record).unwrap();
-    }
-    for scan in 0..plan.scans().len() {
-        fusion.end(scan).unwrap();
-    }
+    let mut fusion = whole_by(config, &plan, Some(&Arc::new(set.clone())), &records(casing, &plan, seed));
     let (judgement, cells) = fusion.judge(0).unwrap();
     let regions = cells.iter().filter(|cell| cell.region > 0).map(|cell| cell.location).collect();
     (Verdict::from_code(judgement.verdict).unwrap(), judgement.reasons, regions)
@@ -164,8 +142,7 @@ fn a_reference_is_cut_to_the_turns_of_the_scan() {
     }
     let plan = once.plan();
     let judgement_by = |set: &ReferenceSet| {
-        let mut fusion = Fusion::with_reference(&file(), &plan, Arc::new(set.clone())).unwrap();
-        records(&once, &plan, 7).iter().for_each(|record| fusion.push(record).unwrap());
+        let mut fusion = whole_by(&file(), &plan, Some(&Arc::new(set.clone())), &records(&once, &plan, 7));
         let judgement = fusion.judge(0).unwrap().0;
         (judgement.limit_re_inspect, judgement.strongest_arc)
     };
@@ -263,8 +240,7 @@ fn a_reference_is_cut_to_the_locations_of_the_scan() {
     let taps: Vec<_> = all.taps().iter().filter(coarse).copied().collect();
     let plan = Plan::new(all.geometry, all.recording.clone(), taps, all.truth().clone()).unwrap();
     let judgement_by = |set: &ReferenceSet| {
-        let mut fusion = Fusion::with_reference(&file(), &plan, Arc::new(set.clone())).unwrap();
-        records(&both, &plan, 7).iter().for_each(|record| fusion.push(record).unwrap());
+        let mut fusion = whole_by(&file(), &plan, Some(&Arc::new(set.clone())), &records(&both, &plan, 7));
         let judgement = fusion.judge(0).unwrap().0;
         (judgement.limit_re_inspect, judgement.strongest_arc)
     };
@@ -286,12 +262,8 @@ fn places_tapped_twice_tell_what_stays_with_a_place() {
     let plan = casing.plan();
     // What stands out is tapped again, so that the crack has two taps a place.
     let peak_by = |set: &ReferenceSet| {
-        let of = |plan: &Plan| {
-            let mut fusion = Fusion::with_reference(&file(), plan, Arc::new(set.clone())).unwrap();
-            records(&casing, plan, 7).iter().for_each(|record| fusion.push(record).unwrap());
-            fusion.end(0).unwrap();
-            fusion
-        };
+        let set = Arc::new(set.clone());
+        let of = |plan: &Plan| whole_by(&file(), plan, Some(&set), &records(&casing, plan, 7));
         let grown = plan.grown(&of(&plan).wanted(0, 10_000).unwrap()).unwrap();
         assert!(grown.taps().len() > plan.taps().len());
         of(&grown).judge(0).unwrap().0.strongest_arc
@@ -387,8 +359,7 @@ fn a_crack_does_not_shift_the_level() {
         let casing = Casing { shoulder_count: 2, repetition_count: 1, cracks, shift: 6.0, ..Casing::default() };
         let plan = casing.plan();
         for seed in 0..5 {
-            let mut fusion = Fusion::with_reference(&file(), &plan, Arc::clone(&set)).unwrap();
-            records(&casing, &plan, seed).iter().for_each(|record| fusion.push(record).unwrap());
+            let mut fusion = whole_by(&file(), &plan, Some(&set), &records(&casing, &plan, seed));
             for scan in 0..2 {
                 let (judgement, _) = fusion.judge(scan).unwrap();
                 let f_max = judgement.level[Discriminator::FMax as usize];
@@ -409,18 +380,17 @@ fn the_level_is_told_as_a_multiple_of_the_reference() {
     let set = Arc::new(build_reference(&built(file()), sound(8)).unwrap());
     let casing = Casing { shoulder_count: 2, repetition_count: 1, ..Casing::default() };
     let plan = casing.plan();
-    let level = |times: f64, config: &FuseConfig, set: Option<Arc<ReferenceSet>>| {
+    let level = |times: f64, config: &FuseConfig, set: Option<&Arc<ReferenceSet>>| {
         let mut all = records(&casing, &plan, 7);
         for record in all.iter_mut().filter(|record| record.id.shoulder == 1) {
             for which in [Discriminator::FMax, Discriminator::A1, Discriminator::Pr] {
                 record.values.set(which, record.values.get(which).map(|x| x * times));
             }
         }
-        let mut fusion = Fusion::by(config, &plan, set).unwrap();
-        all.iter().for_each(|record| fusion.push(record).unwrap());
+        let mut fusion = whole_by(config, &plan, set, &all);
         [0, 1].map(|scan| fusion.judge(scan).unwrap().0.level)
     };
-    let ([before, other], [after, same]) = (level(1.0, &file(), Some(set.clone())), level(1.25, &file(), Some(set)));
+    let ([before, other], [after, same]) = (level(1.0, &file(), Some(&set)), level(1.25, &file(), Some(&set)));
     // Casings made up for tests have no centroid.
     assert!(before[Discriminator::Centroid as usize].is_nan());
     for which in Discriminator::ALL.into_iter().filter(|which| *which != Discriminator::Centroid) {

@@ -79,19 +79,18 @@ impl ProcessConfig {
     /// # Errors
     /// [`Error`] with the key, its value and the bound that it breaks.
     pub fn validate(&self) -> Result<(), Error> {
-        let frequency = |key, value: f64, is_good: bool, bound| {
-            if value.is_finite() && is_good { Ok(()) } else { Err(Error::Frequency { key, value, bound }) }
+        let check = |key, value: f64, unit, is_good: bool, bound| {
+            let is_good = value.is_finite() && is_good;
+            if is_good { Ok(()) } else { Err(Error::OutOfBounds { table: "process", key, value, unit, bound }) }
         };
-        frequency("f_c_hz", self.f_c_hz, self.f_c_hz > 0.0, "above 0")?;
-        frequency("f_hi_hz", self.f_hi_hz, self.f_hi_hz > 0.0, "above 0")?;
-        frequency("f_lo_hz", self.f_lo_hz, self.f_lo_hz >= 0.0, "not below 0")?;
-        frequency("f_top_hz", self.f_top_hz, self.f_top_hz > 0.0, "above 0")?;
-        frequency("mains_hz", self.mains_hz, self.mains_hz > 0.0, "above 0")?;
-        let time = |key, value: f64, is_good: bool, bound| {
-            if value.is_finite() && is_good { Ok(()) } else { Err(Error::Time { key, value, bound }) }
-        };
-        time("record_s", self.record_s, self.record_s >= 0.0, "not below 0")?;
-        time("droop_time_constant_s", self.droop_time_constant_s, self.droop_time_constant_s >= 0.0, "not below 0")?;
+        check("f_c_hz", self.f_c_hz, " Hz", self.f_c_hz > 0.0, "above 0")?;
+        check("f_hi_hz", self.f_hi_hz, " Hz", self.f_hi_hz > 0.0, "above 0")?;
+        check("f_lo_hz", self.f_lo_hz, " Hz", self.f_lo_hz >= 0.0, "not below 0")?;
+        check("f_top_hz", self.f_top_hz, " Hz", self.f_top_hz > 0.0, "above 0")?;
+        check("mains_hz", self.mains_hz, " Hz", self.mains_hz > 0.0, "above 0")?;
+        check("record_s", self.record_s, " s", self.record_s >= 0.0, "not below 0")?;
+        let droop_s = self.droop_time_constant_s;
+        check("droop_time_constant_s", droop_s, " s", droop_s >= 0.0, "not below 0")?;
         let band = |key, value, bound_key, bound| {
             if value > bound { Ok(()) } else { Err(Error::EmptyBand { key, value, bound_key, bound }) }
         };

@@ -148,6 +148,8 @@ fn step<C: Count>(samples: &[C], level: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use tapline_testing::noise::Noise;
+
     use super::*;
 
     fn half_sine(amplitude: f64, width: f64) -> Vec<f64> {
@@ -208,20 +210,15 @@ mod tests {
     /// clipped because noise has made it flat.
     #[test]
     fn an_amplifier_is_told_from_a_noisy_peak() {
-        let mut state = 7_u32;
-        let mut hiss = |sigma: f64| {
-            let mut uniform = || {
-                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                f64::from(state) / 4_294_967_296.0 - 0.5
-            };
-            sigma * (0..12).map(|_| uniform()).sum::<f64>()
-        };
+        let mut noise = Noise(7);
         for sigma in [10.0, 30.0, 60.0, 100.0] {
             let mut share = |part: f64| {
                 let found = (0..200).filter(|k| {
                     let pulse = half_sine(20_000.0, 33.0 + f64::from(*k) / 10.0);
-                    let samples: Vec<i16> =
-                        pulse.iter().map(|&x| (x.clamp(0.0, part * 20_000.0) + hiss(sigma)).round() as i16).collect();
+                    let samples: Vec<i16> = pulse
+                        .iter()
+                        .map(|&x| (x.clamp(0.0, part * 20_000.0) + sigma * noise.normal()).round() as i16)
+                        .collect();
                     is_flat_at_top(&samples, sigma)
                 });
                 found.count()
@@ -235,14 +232,7 @@ mod tests {
     /// power, with and without noise, in coarse and fine steps.
     #[test]
     fn a_plateau_of_its_own_is_not_clipped() {
-        let mut state = 5_u32;
-        let mut hiss = |sigma: f64| {
-            let mut uniform = || {
-                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                f64::from(state) / 4_294_967_296.0 - 0.5
-            };
-            sigma * (0..12).map(|_| uniform()).sum::<f64>()
-        };
+        let mut noise = Noise(5);
         for (amplitude, sigma) in [(100.0, 0.0), (1000.0, 0.0), (30_000.0, 0.0), (20_000.0, 20.0), (20_000.0, 60.0)] {
             let mut flagged = 0;
             for k in 0..400 {
@@ -251,7 +241,7 @@ mod tests {
                     let x = (f64::from(i) - middle) / half;
                     if x.abs() < 1.0 { amplitude * (1.0 - x.powi(4)) } else { 0.0 }
                 };
-                let samples: Vec<i16> = (0..400).map(|i| (height(i) + hiss(sigma)).round() as i16).collect();
+                let samples: Vec<i16> = (0..400).map(|i| (height(i) + sigma * noise.normal()).round() as i16).collect();
                 flagged += u32::from(is_flat_at_top(&samples, if sigma > 0.0 { sigma } else { 0.3 }));
             }
             assert!(flagged <= 4, "{amplitude} {sigma}: {flagged} of 400");
@@ -261,14 +251,7 @@ mod tests {
     /// Catches a flat top, formed by three modes, that counts as clipped under a little noise.
     #[test]
     fn a_flat_top_of_modes_is_not_clipped() {
-        let mut state = 11_u32;
-        let mut hiss = || {
-            let mut uniform = || {
-                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                f64::from(state) / 4_294_967_296.0 - 0.5
-            };
-            (0..12).map(|_| uniform()).sum::<f64>()
-        };
+        let mut noise = Noise(11);
         let ringing = |t: f64| {
             let modes = [(300.0, 0.8), (480.0, 0.3), (900.0, 0.3)];
             modes.iter().map(|(f_hz, amplitude)| amplitude * (std::f64::consts::TAU * f_hz * t).sin()).sum::<f64>()
@@ -278,7 +261,7 @@ mod tests {
             let found = (0..500).filter(|&k| {
                 let sample = |i: i32| {
                     let t = (f64::from(i) - 100.0 - f64::from(k) / 500.0) / 40_960.0;
-                    (if t < 0.0 { 0.0 } else { ringing(t).clamp(-level, level) }) + 1e-3 * hiss()
+                    (if t < 0.0 { 0.0 } else { ringing(t).clamp(-level, level) }) + 1e-3 * noise.normal()
                 };
                 let samples: Vec<f32> = (0..1000).map(sample).map(|x| x as f32).collect();
                 is_clipped(&samples, Extent::find(&samples).unwrap(), 0.0, 1e-3)
@@ -291,18 +274,14 @@ mod tests {
     /// Catches a broad and smooth trough, in which two low modes meet, that counts as clipped; and a cut through it that does not.
     #[test]
     fn a_trough_of_low_modes_is_not_clipped() {
-        let mut state = 3_u32;
-        let mut uniform = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            f64::from(state) / 4_294_967_296.0
-        };
+        let mut noise = Noise(3);
         for (low_hz, high_hz) in [(180.0, 420.0), (150.0, 330.0), (200.0, 400.0), (180.0, 540.0)] {
             let (mut false_count, mut found_count, count) = (0, 0, 400);
             for _ in 0..count {
                 let modes = [
-                    (low_hz, 1.0, uniform()),
-                    (high_hz, 0.2 + 0.8 * uniform(), uniform()),
-                    (900.0, 0.1 * uniform(), uniform()),
+                    (low_hz, 1.0, noise.uniform()),
+                    (high_hz, 0.2 + 0.8 * noise.uniform(), noise.uniform()),
+                    (900.0, 0.1 * noise.uniform(), noise.uniform()),
                 ];
                 let ringing = |t: f64| {
                     let of = |&(f_hz, amplitude, phase): &(f64, f64, f64)| {
@@ -310,12 +289,11 @@ mod tests {
                     };
                     modes.iter().map(of).sum::<f64>() * (-60.0 * t).exp() * (1.0 - (-3000.0 * t).exp())
                 };
-                let shift = uniform();
+                let shift = noise.uniform();
                 let mut sound = |level: f64| -> Vec<f32> {
                     let sample = |i: i32| {
                         let t = (f64::from(i) - 100.0 - shift) / 40_960.0;
-                        let hiss = (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
-                        (if t < 0.0 { 0.0 } else { ringing(t).clamp(-level, level) }) + 1e-3 * hiss
+                        (if t < 0.0 { 0.0 } else { ringing(t).clamp(-level, level) }) + 1e-3 * noise.normal()
                     };
                     (0..1500).map(sample).map(|x| x as f32).collect()
                 };

@@ -165,7 +165,7 @@ impl QualityConfig {
     /// Checks every threshold against its bounds.
     ///
     /// # Errors
-    /// [`Error::Threshold`] with the key, its value and the bound that it breaks.
+    /// [`Error::OutOfBounds`] with the key, its value and the bound that it breaks.
     pub fn validate(&self) -> Result<(), Error> {
         for (key, value, is_good, bound) in [
             ("impactor_mass_kg", self.impactor_mass_kg, self.impactor_mass_kg >= 0.0, "not below 0"),
@@ -189,7 +189,7 @@ impl QualityConfig {
         ] {
             let is_good = value.is_finite() && is_good;
             if !is_good {
-                return Err(Error::Threshold { key, value, bound });
+                return Err(Error::OutOfBounds { table: "process.quality", key, value, unit: "", bound });
             }
         }
         Ok(())

@@ -91,19 +91,14 @@ impl<C: Count> Kernel for Still<'_, C> {
 
 #[cfg(test)]
 mod tests {
+    use tapline_testing::noise::Noise;
+
     use super::*;
 
     /// Whether noise of `sigma` counts stands still, with `value` in `hole`.
     fn still(sigma: f64, hole: std::ops::Range<usize>, value: i16) -> bool {
-        let mut state = 3_u32;
-        let mut hiss = || {
-            let mut uniform = || {
-                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                f64::from(state) / 4_294_967_296.0 - 0.5
-            };
-            sigma * (0..12).map(|_| uniform()).sum::<f64>()
-        };
-        let mut samples: Vec<i16> = (0..20_000).map(|_| (100.0 + hiss()).round() as i16).collect();
+        let mut noise = Noise(3);
+        let mut samples: Vec<i16> = (0..20_000).map(|_| (100.0 + sigma * noise.normal()).round() as i16).collect();
         samples[15_000] = 5000;
         samples[hole].fill(value);
         stands_still(&samples, Extent::find(&samples).unwrap(), 100.0, 384)

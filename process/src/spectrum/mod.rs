@@ -15,7 +15,7 @@ use bands::{Cells, Folded, Grid};
 use plans::Plans;
 
 use crate::signal::blocks::Moments;
-use crate::signal::real::sum_of;
+use crate::signal::real::sum_of_squares;
 use crate::signal::wide::Kernel;
 use crate::{BandEdges, Real};
 
@@ -124,7 +124,7 @@ fn square_about_mean<T: Real>(signal: &mut [T], Moments { mean, mean_square }: M
     }
     let mean = T::rounded(mean);
     signal.iter_mut().for_each(|x| *x -= mean);
-    sum_of(signal, |x| x * x) / signal.len() as f64
+    sum_of_squares(signal) / signal.len() as f64
 }
 
 /// Bins of the flexural and of the reference band; `None` if either has none.
@@ -186,6 +186,8 @@ fn end(flexural: &Cells, reference: &Cells) -> usize {
 mod tests {
     use std::f64::consts::PI;
 
+    use tapline_testing::noise::Noise;
+
     use super::*;
     use crate::signal::wide::in_all_vectors;
 
@@ -218,13 +220,8 @@ mod tests {
     }
 
     fn noise(count: usize) -> Vec<f64> {
-        let mut state = 12_345_u32;
-        std::iter::repeat_with(|| {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            f64::from(state) / f64::from(u32::MAX) - 0.5
-        })
-        .take(count)
-        .collect()
+        let mut noise = Noise(12_345);
+        std::iter::repeat_with(|| noise.uniform() - 0.5).take(count).collect()
     }
 
     /// Catches a wrong scale: a sine of amplitude A on a bin has power A^2/2, all of it in that bin.

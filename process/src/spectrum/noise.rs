@@ -69,13 +69,8 @@ mod tests {
     #[test]
     fn white_noise_fills_the_bands() {
         let bands = Bands { f_c_hz: 1000.0, f_hi_hz: 3000.0, f_lo_hz: 500.0, f_top_hz: 4500.0 };
-        let mut state = 1_u32;
-        let samples: Vec<f64> = (0..1 << 16)
-            .map(|_| {
-                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                3.0 + f64::from(state) / 4_294_967_296.0
-            })
-            .collect();
+        let mut white = tapline_testing::noise::Noise(1);
+        let samples: Vec<f64> = (0..1 << 16).map(|_| 3.0 + white.uniform()).collect();
         let noise = of_bands(&mut Plans::new(), &samples, 10_000.0, &bands).unwrap();
         let expected = 1.0 / 12.0 * 2000.0 / 5000.0;
         assert!((noise.flexural / expected - 1.0).abs() < 0.03, "{noise:?}");

@@ -191,6 +191,7 @@ fn single_precision(_length: usize) -> Option<Box<dyn Transform<f32>>> {
 #[cfg(test)]
 mod tests {
     use realfft::RealFftPlanner;
+    use tapline_testing::noise::Noise;
 
     use super::*;
     use crate::without_avx512;
@@ -239,11 +240,8 @@ mod tests {
     #[test]
     fn powers_of_both_precisions() {
         fn noise<T: Real>(count: usize) -> Vec<T> {
-            let mut state = 12_345_u32;
-            let random = || {
-                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                T::rounded(f64::from((f64::from(state) / f64::from(u32::MAX) - 0.5) as f32))
-            };
+            let mut noise = Noise(12_345);
+            let random = || T::rounded(f64::from((noise.uniform() - 0.5) as f32));
             std::iter::repeat_with(random).take(count).collect()
         }
         for count in [2048, 4096, 16_384, 32_768] {

@@ -114,14 +114,18 @@ impl PhysicalExtensionCodec for PhysicalCodec {
 #[cfg(test)]
 mod tests {
     use datafusion::prelude::SessionContext;
+    use tapline_export::Export;
 
     use super::*;
     use crate::places::CasingFile;
-    use crate::task::{Table, Task};
+    use crate::task::Task;
 
     fn table() -> Arc<FilesTable> {
         let file = |k: usize| CasingFile::new(format!("{k}.h5"), format!("/{k}.h5"));
-        Arc::new(FilesTable::new(Task::Read(Table::Damage), vec![vec![file(0), file(1)], vec![file(2)], vec![file(3)]]))
+        Arc::new(FilesTable::new(
+            Task::Read(Export::Damage),
+            vec![vec![file(0), file(1)], vec![file(2)], vec![file(3)]],
+        ))
     }
 
     #[test]

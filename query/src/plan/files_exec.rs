@@ -19,7 +19,7 @@ use futures_util::StreamExt as _;
 use tokio::sync::Semaphore;
 
 use crate::places::CasingFile;
-use crate::task::Task;
+use crate::task::{Task, sql_name};
 
 /// Batches of rows that may wait for who reads them.
 const WAITING_MAX: usize = 2;
@@ -80,7 +80,7 @@ impl FilesExec {
 impl DisplayAs for FilesExec {
     fn fmt_as(&self, _t: DisplayFormatType, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.task {
-            Task::Read(table) => write!(f, "FilesExec: read {}", table.name()),
+            Task::Read(table) => write!(f, "FilesExec: read {}", sql_name(*table)),
             Task::Reprocess(_) => write!(f, "FilesExec: reprocess"),
         }
     }
@@ -154,17 +154,11 @@ impl ExecutionPlan for FilesExec {
 
 /// The files that a batch names.
 fn files(batch: &RecordBatch) -> Result<Vec<CasingFile>> {
-    let text = |column: usize| batch.columns().get(column)?.as_any().downcast_ref::<StringArray>();
-    let (Some(names), Some(paths), Some(e_tags), Some(archives)) = (text(0), text(1), text(2), text(3)) else {
-        return internal_err!("the files of a plan have not the columns name, path, e_tag and archive");
-    };
-    let maybe = |column: &StringArray, k: usize| column.is_valid(k).then(|| column.value(k).to_owned());
-    let file = |k: usize| CasingFile {
-        e_tag: maybe(e_tags, k),
-        archive: maybe(archives, k),
-        ..CasingFile::new(names.value(k), paths.value(k))
-    };
-    Ok((0..batch.num_rows()).map(file).collect())
+    let column = batch.columns().first().and_then(|column| column.as_any().downcast_ref::<StringArray>());
+    let Some(column) = column else { return internal_err!("the files of a plan have not the column file") };
+    let file =
+        |text| serde_json::from_str::<CasingFile>(text).map_err(|error| DataFusionError::External(Box::new(error)));
+    column.iter().flatten().map(file).collect()
 }
 
 /// The rows of one file, on a thread that may wait for the disk and for the HDF5 library.

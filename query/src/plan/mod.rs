@@ -6,10 +6,10 @@ mod files_exec;
 use std::sync::Arc;
 
 use async_trait::async_trait;
-use datafusion::arrow::array::{ArrayRef, RecordBatch, StringArray};
+use datafusion::arrow::array::{RecordBatch, StringArray};
 use datafusion::arrow::datatypes::{DataType, Field, Schema, SchemaRef};
 use datafusion::catalog::{Session, TableProvider};
-use datafusion::common::Result;
+use datafusion::common::{DataFusionError, Result};
 use datafusion::datasource::memory::MemorySourceConfig;
 use datafusion::logical_expr::{Expr, TableType};
 use datafusion::physical_plan::ExecutionPlan;
@@ -62,21 +62,14 @@ impl TableProvider for FilesTable {
     }
 }
 
-/// Columns of the files that a plan works on.
+/// The column of the files that a plan works on, each as JSON.
 fn file_schema() -> SchemaRef {
-    let text = |name, is_nullable| Field::new(name, DataType::Utf8, is_nullable);
-    Arc::new(Schema::new(vec![text("name", false), text("path", false), text("e_tag", true), text("archive", true)]))
+    Arc::new(Schema::new(vec![Field::new("file", DataType::Utf8, false)]))
 }
 
 fn file_batch(schema: &SchemaRef, files: &[CasingFile]) -> Result<RecordBatch> {
-    let column = |value: fn(&CasingFile) -> Option<&str>| -> ArrayRef {
-        Arc::new(files.iter().map(value).collect::<StringArray>())
-    };
-    let columns = vec![
-        column(|file| Some(&file.name)),
-        column(|file| Some(&file.path)),
-        column(|file| file.e_tag.as_deref()),
-        column(|file| file.archive.as_deref()),
-    ];
-    Ok(RecordBatch::try_new(Arc::clone(schema), columns)?)
+    let text =
+        |file: &CasingFile| serde_json::to_string(file).map_err(|error| DataFusionError::External(Box::new(error)));
+    let texts = files.iter().map(text).collect::<Result<Vec<String>>>()?;
+    Ok(RecordBatch::try_new(Arc::clone(schema), vec![Arc::new(StringArray::from(texts))])?)
 }

@@ -13,32 +13,36 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context as _, Result, bail, ensure};
-use datafusion::arrow::array::{Array as _, BooleanArray, RecordBatch, StringArray, UInt64Array};
+use datafusion::arrow::array::RecordBatch;
+use datafusion::arrow::json::LineDelimitedWriter;
 
 pub use commit::{Committed, Row};
 
-use crate::engine::Engine;
+use crate::engine::ArchiveArgs;
 use crate::places::{CasingFile, Place, find, partitions};
 use crate::plan::FilesTable;
 use crate::task::{Program, ReprocessTask, Task, given, reference};
 use commit::Job;
 use gathering::{Gathering, out_place};
 
-/// What a job is asked for.
-#[derive(Debug, Clone)]
+/// Judge archives again, all of them as one job, into a folder with a commit file.
+#[derive(Debug, Clone, clap::Args)]
 pub struct Order {
-    /// Where casing files are.
-    pub places: Vec<Place>,
-    /// The place for jobs, which every host can write to.
+    /// The archives.
+    #[command(flatten)]
+    pub archives: ArchiveArgs,
+    /// Folder for the folders of jobs, or s3://BUCKET/FOLDER; on a cluster every host must reach it under this name.
+    #[arg(long, value_name = "DIR|s3://BUCKET/DIR")]
     pub out: Place,
-    /// A configuration whose tables take the place of the archives', as for `tapline reprocess`.
+    /// Configuration whose tables `process` and `fuse` take the place of the archives', as for `tapline reprocess`.
+    #[arg(long)]
     pub config: Option<PathBuf>,
-    /// A reference in place of the configuration's, as for `tapline reprocess`.
+    /// What shoulders are compared with, as for `tapline reprocess`.
+    #[arg(long, value_name = "FILE.json|TYRE/SHOULDER|self")]
     pub reference: Option<String>,
-    /// Whether samples are read even where discriminators would do.
+    /// Read the samples even where the archives' own discriminators would do.
+    #[arg(long = "from-samples")]
     pub is_from_samples: bool,
-    /// Files of one task.
-    pub files_per_task: usize,
 }
 
 /// What became of a job.
@@ -52,14 +56,15 @@ pub struct Done {
     pub was_there: bool,
 }
 
-/// Does the job on `engine`, unless it is committed already.
+/// Does the job, unless it is committed already.
 ///
 /// # Errors
 /// Places that cannot be read or written, a program that is not there, an engine that fails, and archives that all fail alike.
 /// Nothing is committed then.
-pub async fn reprocess(order: &Order, engine: &Engine) -> Result<Done> {
-    let files = find(&order.places, false).await?;
-    let out = out_place(&order.out, &order.places)?;
+pub async fn reprocess(order: &Order) -> Result<Done> {
+    let ArchiveArgs { places, engine, files_per_task } = &order.archives;
+    let files = find(places, false).await?;
+    let out = out_place(&order.out, places)?;
     let program = Program::find()?;
     let task = ReprocessTask {
         staging: String::new(),
@@ -75,7 +80,7 @@ pub async fn reprocess(order: &Order, engine: &Engine) -> Result<Done> {
     }
     let gathering = Gathering::new(&out, &job.folder(), &files)?;
     let task = ReprocessTask { staging: gathering.text()?, ..task };
-    let table = FilesTable::new(Task::Reprocess(task), partitions(&files, order.files_per_task));
+    let table = FilesTable::new(Task::Reprocess(task), partitions(&files, usize::from(*files_per_task)));
     let context = engine.connect().await?;
     let rows = context.read_table(Arc::new(table)).context("cannot plan the job")?.collect().await;
     let rows = rows.with_context(|| format!("{}; nothing is committed", engine.at()))?;
@@ -99,31 +104,12 @@ pub async fn reprocess(order: &Order, engine: &Engine) -> Result<Done> {
 
 /// The rows, in the order of their files.
 fn rows_of(batches: &[RecordBatch]) -> Result<Vec<Row>> {
-    let mut rows = Vec::new();
-    for batch in batches {
-        let column = |name: &str| batch.column_by_name(name).with_context(|| format!("no column {name} came back"));
-        let text = |name: &str| -> Result<StringArray> {
-            let column = column(name)?.as_any().downcast_ref::<StringArray>();
-            column.cloned().with_context(|| format!("the column {name} is no text"))
-        };
-        let [file, results, lineage, blake3, status, error] =
-            ["file", "results", "lineage", "blake3", "status", "error"].map(text);
-        let [file, results, lineage, blake3, status, error] = [file?, results?, lineage?, blake3?, status?, error?];
-        let is_complete = column("is_complete")?.as_any().downcast_ref::<BooleanArray>();
-        let bytes = column("bytes")?.as_any().downcast_ref::<UInt64Array>();
-        let (is_complete, bytes) = is_complete.zip(bytes).context("a column that came back has another type")?;
-        let maybe = |column: &StringArray, k: usize| column.is_valid(k).then(|| column.value(k).to_owned());
-        rows.extend((0..batch.num_rows()).map(|k| Row {
-            file: file.value(k).to_owned(),
-            status: status.value(k).to_owned(),
-            error: maybe(&error, k),
-            results: maybe(&results, k),
-            lineage: maybe(&lineage, k),
-            is_complete: is_complete.is_valid(k).then(|| is_complete.value(k)),
-            bytes: bytes.is_valid(k).then(|| bytes.value(k)),
-            blake3: maybe(&blake3, k),
-        }));
-    }
+    let mut writer = LineDelimitedWriter::new(Vec::new());
+    batches.iter().try_for_each(|batch| writer.write(batch))?;
+    writer.finish()?;
+    let lines = writer.into_inner();
+    let rows = serde_json::Deserializer::from_slice(&lines).into_iter::<Row>().collect::<Result<Vec<_>, _>>();
+    let mut rows = rows.context("what came back is no row")?;
     rows.sort_by(|a, b| a.file.cmp(&b.file));
     Ok(rows)
 }

@@ -20,41 +20,16 @@ pub use reprocess::{Given, Reference, ReprocessTask};
 
 use crate::places::CasingFile;
 
-/// A table over casing files.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Table {
-    /// What became of every planned tap: the ledger.
-    Taps,
-    /// What was found in every archived tap.
-    Discriminators,
-    /// The damage index of every location.
-    Damage,
-    /// The arcs of damage.
-    Regions,
-    /// The verdict on every shoulder.
-    Verdicts,
-}
-
-impl Table {
-    /// All five.
-    pub const ALL: [Self; 5] = [Self::Taps, Self::Discriminators, Self::Damage, Self::Regions, Self::Verdicts];
-
-    /// Its name in SQL.
-    pub fn name(self) -> &'static str {
-        ["taps", "discriminators", "damage", "regions", "verdicts"][self as usize]
-    }
-
-    fn export(self) -> Export {
-        [Export::Ledger, Export::Discriminators, Export::Damage, Export::Regions, Export::Verdicts][self as usize]
-    }
+/// The name of `table` in SQL.
+pub(crate) fn sql_name(table: Export) -> &'static str {
+    if table == Export::Ledger { "taps" } else { table.name() }
 }
 
 /// What is done with each file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Task {
     /// The rows of a table are read.
-    Read(Table),
+    Read(Export),
     /// The archived taps are judged again.
     Reprocess(ReprocessTask),
 }
@@ -63,7 +38,7 @@ impl Task {
     /// Columns of the rows: those of the file are between its name, and what came of it.
     pub fn schema(&self) -> SchemaRef {
         let of_file = match self {
-            Self::Read(table) => columns(table.export()).into_iter().map(|column| field(&column)).collect(),
+            Self::Read(table) => columns(*table).into_iter().map(|column| field(&column)).collect(),
             Self::Reprocess(_) => ReprocessTask::fields(),
         };
         let file = Field::new("file", DataType::Utf8, false);
@@ -78,7 +53,7 @@ impl Task {
     pub(crate) fn run(&self, file: &CasingFile) -> anyhow::Result<Vec<RecordBatch>> {
         let rows = match self {
             Self::Read(table) => Local::of(file)?.and_then(|local| {
-                let rows = rows::read(local.path(), table.export());
+                let rows = rows::read(local.path(), *table);
                 rows.map_err(|error| local.message(file, &error.to_string()))
             }),
             Self::Reprocess(task) => task.run(file)?.map(|row| vec![row]),
@@ -108,16 +83,16 @@ mod tests {
     /// Catches a table of another name than its rows.
     #[test]
     fn tables_have_the_columns_of_the_export() {
-        for table in Table::ALL {
+        for table in Export::ALL {
             let schema = Task::Read(table).schema();
             let names: Vec<_> = schema.fields().iter().map(|field| field.name().as_str()).collect();
             assert_eq!((names[0], &names[names.len() - 2..]), ("file", &["status", "error"][..]));
-            assert_eq!(names.len(), columns(table.export()).len() + 3, "{}", table.name());
+            assert_eq!(names.len(), columns(table).len() + 3, "{}", table.name());
         }
-        let verdicts = Task::Read(Table::Verdicts).schema();
+        let verdicts = Task::Read(Export::Verdicts).schema();
         assert_eq!(verdicts.field_with_name("scan_s").unwrap().metadata()["unit"], "s");
         assert_eq!(
-            Task::Read(Table::Taps).schema().field_with_name("location").unwrap().data_type(),
+            Task::Read(Export::Ledger).schema().field_with_name("location").unwrap().data_type(),
             &DataType::UInt32
         );
     }

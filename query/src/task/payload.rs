@@ -9,8 +9,8 @@ use crate::task::Task;
 /// What bytes of this program begin with; other bytes are Ballista's own.
 const MAGIC: &[u8; 8] = b"TAPQUERY";
 
-/// Version of the form below. One that reads another version refuses it.
-const VERSION: u32 = 1;
+/// Version of the form below, and of the column that names files to an executor. One that reads another version refuses it.
+const VERSION: u32 = 2;
 
 /// Bytes before the task: magic, version, digest.
 const HEAD_BYTES: usize = MAGIC.len() + 4 + 32;
@@ -94,12 +94,13 @@ fn digest(version: u32, task: &Task, body: &[u8]) -> [u8; 32] {
 
 #[cfg(test)]
 mod tests {
+    use tapline_export::Export;
+
     use super::*;
-    use crate::task::Table;
 
     fn payload() -> Payload {
         let file = CasingFile::new("A.h5", "/A.h5");
-        Payload { projection: Some(vec![0, 2]), ..Payload::of_table(&Task::Read(Table::Verdicts), &[vec![file]]) }
+        Payload { projection: Some(vec![0, 2]), ..Payload::of_table(&Task::Read(Export::Verdicts), &[vec![file]]) }
     }
 
     #[test]
@@ -118,8 +119,8 @@ mod tests {
         payload().encode(&mut bytes).unwrap();
         let refusal = |bytes: &[u8]| Payload::decode(bytes).unwrap_err().to_string();
         let mut other = bytes.clone();
-        other[MAGIC.len()] = 2;
-        assert!(refusal(&other).contains("version 2, and this tapline-query reads 1"), "{}", refusal(&other));
+        other[MAGIC.len()] = 1;
+        assert!(refusal(&other).contains("version 1, and this tapline-query reads 2"), "{}", refusal(&other));
         let at = bytes.windows(8).position(|part| part == b"verdicts").unwrap();
         let mut other = bytes.clone();
         other.splice(at..at + 8, *b"damage");
@@ -130,7 +131,7 @@ mod tests {
     #[test]
     fn more_files_than_a_message_holds_are_refused_by_their_number() {
         let file = CasingFile::new("n".repeat(1000), "p".repeat(1000));
-        let many = Payload::of_table(&Task::Read(Table::Taps), &[vec![file; 7000]]);
+        let many = Payload::of_table(&Task::Read(Export::Ledger), &[vec![file; 7000]]);
         let refusal = many.encode(&mut Vec::new()).unwrap_err().to_string();
         assert!(refusal.starts_with("the names of 7000 files have 14"), "{refusal}");
     }

@@ -162,7 +162,7 @@ pub(crate) struct PlanRow {
 
 /// What is known of a tap beside its samples, its plan row and the shape that all records share.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, H5Type)]
+#[derive(Debug, Clone, Copy, Default, H5Type)]
 pub(crate) struct HeaderRow {
     pub plan_index: u32,
     pub attempt: u16,
@@ -251,7 +251,7 @@ pub(crate) struct ReasonRow {
 
 /// One scan and its verdict.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, H5Type)]
+#[derive(Debug, Clone, Copy, Default, H5Type)]
 pub(crate) struct ScanRow {
     pub tyre: FixedUnicode<SERIAL_BYTES>,
     pub station: u16,

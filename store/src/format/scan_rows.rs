@@ -1,6 +1,6 @@
 //! The rows of a scan and of its damage map: from the records of the stream and back.
 
-use tapline_wire::{DamageCell, Discriminator, Judgement, Plan, Reasons, RecordKind, Scan, ScanState, Serial, Stamp};
+use tapline_wire::{DamageCell, Judgement, Plan, Reasons, RecordKind, Scan, ScanState, Serial, Stamp};
 
 use crate::format::checksum::{ChecksummedRow as _, checksum};
 use crate::format::fields::fixed;
@@ -9,32 +9,18 @@ use crate::format::layout::{CellRow, ScanRow, UNWRITTEN};
 impl ScanRow {
     /// The row of an open scan.
     pub(crate) fn open(scan: &Scan, first_cell: u32) -> Self {
-        Self {
+        let row = Self {
             station: scan.station,
             tyre: fixed(scan.tyre.as_str()),
             shoulder: scan.shoulder,
-            verdict: 0,
-            reasons: 0,
-            limit_re_inspect: f64::NAN,
-            limit_reject: f64::NAN,
-            strongest_arc: f64::NAN,
-            first_strongest_arc: f64::NAN,
-            re_inspect_rate: f64::NAN,
-            reject_rate: f64::NAN,
-            p_value: f64::NAN,
-            evidence: [f64::NAN; Discriminator::COUNT],
-            scatter: [f64::NAN; Discriminator::COUNT],
-            level: [f64::NAN; Discriminator::COUNT],
-            drift: [f64::NAN; Discriminator::COUNT],
-            planned_count: u32::try_from(scan.taps.len()).unwrap_or(u32::MAX),
-            received_count: 0,
-            refused_count: 0,
-            absent_count: 0,
             first_cell,
             cell_count: u32::try_from(scan.locations.len()).unwrap_or(u32::MAX),
-            state: ScanState::Open.code().into(),
-            checksum: 0,
-        }
+            ..Self::default()
+        };
+        let planned_count = u32::try_from(scan.taps.len()).unwrap_or(u32::MAX);
+        // A judgement that says nothing: what is not known is NaN.
+        let row = row.judged(&Judgement { planned_count, ..Judgement::default() });
+        Self { state: ScanState::Open.code().into(), ..row }
     }
 
     /// The state; `None` for an unknown code.

@@ -10,7 +10,6 @@ use tapline_wire::{
 
 use crate::format::fields::{at_attempt, fixed, known, serial};
 use crate::format::layout::{DiscriminatorsRow, HeaderRow, LedgerRow, PlanRow, ReasonRow, UNWRITTEN};
-use crate::format::lineage::Digest;
 use crate::format::lost::Lost;
 
 /// A state of the plan: as it was begun, or after taps were added.
@@ -72,27 +71,7 @@ impl PlanRow {
 impl HeaderRow {
     /// A row that was never written.
     pub(crate) fn unwritten() -> Self {
-        Self {
-            plan_index: UNWRITTEN,
-            attempt: 0,
-            channel_count: 0,
-            source: 0,
-            sample_rate_hz: 0.0,
-            pre_trigger_samples: 0,
-            sample_count: 0,
-            velocity_measured_m_per_s: f64::NAN,
-            microphone_distance_m: 0.0,
-            unit_per_count: [0.0; CHANNELS_MAX],
-            tap_time_ns: 0,
-            sent_ns: 0,
-            epoch_ns: 0,
-            sequence: 0,
-            sender: 0,
-            mark: 0,
-            samples_digest: Digest::default(),
-            stored_checksum: 0,
-            checksum: 0,
-        }
+        Self { plan_index: UNWRITTEN, velocity_measured_m_per_s: f64::NAN, ..Self::default() }
     }
 
     /// The header of this row's tap, completed from the plan and its recording.

@@ -175,6 +175,7 @@ fn pairs(of: &[usize]) -> impl Iterator<Item = (usize, usize)> + '_ {
 mod tests {
     use rand::SeedableRng as _;
     use rand_chacha::ChaCha8Rng;
+    use tapline_testing::noise::Noise;
 
     use super::*;
 
@@ -197,11 +198,8 @@ mod tests {
     fn what_two_scores_never_did_apart_is_no_certainty() {
         // Catches a rogue tap that stands out because two discriminators went together in the reference: their difference was 1 in 100
         // there.
-        let mut state = 1_u32;
-        let mut random = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            f64::from(state) / f64::from(u32::MAX) - 0.5
-        };
+        let mut noise = Noise(1);
+        let mut random = || noise.uniform() - 0.5;
         let place = |_| {
             let (common, apart) = (12.0_f64.sqrt() * random(), 0.02 * random());
             let mut place = ABSENT;

@@ -5,7 +5,7 @@ use tapline_wire::{DamageCell, Geometry, Judgement, PlannedTap, Reasons, Truth, 
 
 use super::*;
 use crate::IndexKind;
-use crate::testing::{Casing, recording, records, tyre};
+use crate::testing::{Casing, recording, records, tyre, whole_by};
 
 mod absent;
 mod again;
@@ -18,14 +18,7 @@ mod second_reading;
 
 /// All of `records` pushed, all scans ended.
 fn whole(config: &FuseConfig, plan: &Plan, records: &[Discriminators]) -> Fusion {
-    let mut fusion = Fusion::new(config, plan).unwrap();
-    for record in records {
-        fusion.push(record).unwrap();
-    }
-    for scan in 0..plan.scans().len() {
-        fusion.end(scan).unwrap();
-    }
-    fusion
+    whole_by(config, plan, None, records)
 }
 
 fn verdict(judgement: &Judgement) -> Verdict {

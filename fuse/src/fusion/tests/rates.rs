@@ -1,7 +1,8 @@
 //! Rates of false calls are those that are stated, and cracks are found at them.
 
 use super::*;
-use crate::{Built, KnownShoulder, build_reference};
+use crate::build_reference;
+use crate::testing::{built, file, shoulders_of};
 
 fn casing() -> Casing {
     Casing { shoulder_count: 2, location_count: 60, smooth: 0.1, ..Casing::default() }
@@ -9,31 +10,19 @@ fn casing() -> Casing {
 
 /// A reference of `count` casings.
 fn reference_of(count: u64) -> Arc<ReferenceSet> {
-    let plan = casing().plan();
-    let shoulders = (0..count).flat_map(|number| {
-        let found = records(&casing(), &plan, 10_000 + number);
-        let known = |scan| KnownShoulder::of(&plan, &found, scan, None).unwrap();
-        let named = [0, 1].map(known).map(|shoulder| KnownShoulder { tyre: format!("R{number}"), ..shoulder });
-        named.into_iter()
-    });
-    let config = FuseConfig::by(Reference::File("sound.json".into()));
-    let built = Built { config, lineage: Vec::new(), process: String::new(), learns_directions: false };
-    Arc::new(build_reference(&built, shoulders.collect()).unwrap())
+    let shoulders =
+        (0..count).flat_map(|number| shoulders_of(&casing(), 10_000 + number, false, &format!("R{number}"))).collect();
+    Arc::new(build_reference(&built(file()), shoulders).unwrap())
 }
 
 /// How many of the shoulders of `count` sound casings are not passed, and how many are rejected.
 fn called(set: Option<&Arc<ReferenceSet>>, config: &FuseConfig, count: u64) -> (usize, usize) {
     let plan = casing().plan();
+    let reference = if set.is_some() { config.reference.clone() } else { Some(Reference::Own) };
+    let config = FuseConfig { reference, ..config.clone() };
     let mut verdicts = Vec::new();
     for seed in 0..count {
-        let mut fusion = match set {
-            Some(set) => Fusion::with_reference(config, &plan, Arc::clone(set)).unwrap(),
-            None => Fusion::new(&FuseConfig { reference: Some(Reference::Own), ..config.clone() }, &plan).unwrap(),
-        };
-        for record in records(&casing(), &plan, seed) {
-            fusion.push(&record).unwrap();
-        }
-        [0, 1].iter().for_each(|&scan| fusion.end(scan).unwrap());
+        let mut fusion = whole_by(&config, &plan, set, &records(&casing(), &plan, seed));
         for scan in [0, 1] {
             let judgement = fusion.judge(scan).unwrap().0;
             verdicts.push(verdict(&judgement));
@@ -46,7 +35,7 @@ fn called(set: Option<&Arc<ReferenceSet>>, config: &FuseConfig, count: u64) -> (
 #[test]
 fn sound_shoulders_are_called_as_often_as_is_stated() {
     // Catches limits of another rate than they say, and ones so wide that nothing is ever called.
-    let config = FuseConfig { re_inspect_rate: 0.1, ..FuseConfig::by(Reference::File("sound.json".into())) };
+    let config = FuseConfig { re_inspect_rate: 0.1, ..file() };
     let set = reference_of(12);
     let (by_file, rejected) = called(Some(&set), &config, 100);
     // 20 of 200 are stated. They are not independent: the reference is one.
@@ -63,11 +52,8 @@ fn what_a_reference_cannot_support_is_remarked() {
     let plan = casing().plan();
     let set = reference_of(12);
     let judged = |rate: f64| {
-        let file = FuseConfig::by(Reference::File("sound.json".into()));
-        let config = FuseConfig { re_inspect_rate: rate, reject_rate: rate, ..file };
-        let mut fusion = Fusion::with_reference(&config, &plan, Arc::clone(&set)).unwrap();
-        records(&casing(), &plan, 4).iter().for_each(|record| fusion.push(record).unwrap());
-        [0, 1].iter().for_each(|&scan| fusion.end(scan).unwrap());
+        let config = FuseConfig { re_inspect_rate: rate, reject_rate: rate, ..file() };
+        let mut fusion = whole_by(&config, &plan, Some(&set), &records(&casing(), &plan, 4));
         let judgement = fusion.judge(0).unwrap().0;
         let texts = crate::unsupported(&config, Some(&set));
         (texts.len(), judgement.reasons.contains(Reasons::EXTRAPOLATED), verdict(&judgement))

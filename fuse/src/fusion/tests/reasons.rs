@@ -1,16 +1,12 @@
 //! Reasons that the plan itself gives: a condition that the reference lacks, a part of the ring that is not tapped.
 
 use super::*;
-use crate::{Built, KnownShoulder, build_reference};
+use crate::build_reference;
+use crate::testing::{built, file, shoulders_of};
 
 /// The reference that a casing of seed 1 makes.
 fn reference_of(casing: &Casing) -> Arc<ReferenceSet> {
-    let plan = casing.plan();
-    let found = records(casing, &plan, 1);
-    let shoulders = (0..plan.scans().len()).map(|scan| KnownShoulder::of(&plan, &found, scan, None).unwrap()).collect();
-    let config = FuseConfig::by(Reference::File("sound.json".into()));
-    let built = Built { config, lineage: Vec::new(), process: String::new(), learns_directions: false };
-    Arc::new(build_reference(&built, shoulders).unwrap())
+    Arc::new(build_reference(&built(file()), shoulders_of(casing, 1, false, "T1")).unwrap())
 }
 
 /// `plan` without the taps that are not `planned`, and the records of the others.
@@ -34,12 +30,7 @@ fn a_condition_that_the_reference_file_lacks_is_no_pass() {
             ..known.clone()
         };
         let plan = casing.plan();
-        let config = FuseConfig::by(Reference::File("sound.json".into()));
-        let mut fusion = Fusion::with_reference(&config, &plan, set.clone()).unwrap();
-        for record in records(&casing, &plan, 7) {
-            fusion.push(&record).unwrap();
-        }
-        fusion.end(0).unwrap();
+        let mut fusion = whole_by(&file(), &plan, Some(&set), &records(&casing, &plan, 7));
         let judgement = fusion.judge(0).unwrap().0;
         (verdict(&judgement), judgement.reasons.difference(Reasons::REMARKS))
     };
@@ -54,11 +45,8 @@ fn a_condition_that_the_reference_file_lacks_is_no_pass() {
     let (offset_mm, velocity_m_per_s) = (Some(0.0), Some(2.0));
     let mut crossed = (*reference_of(&plan)).clone();
     crossed.shoulders[0].turns.retain(|turn| (turn.offset_mm, turn.velocity_m_per_s) != (offset_mm, velocity_m_per_s));
-    let config = FuseConfig::by(Reference::File("sound.json".into()));
     let all = records(&plan, &plan.plan(), 7);
-    let mut fusion = Fusion::with_reference(&config, &plan.plan(), Arc::new(crossed)).unwrap();
-    all.iter().for_each(|record| fusion.push(record).unwrap());
-    fusion.end(0).unwrap();
+    let mut fusion = whole_by(&file(), &plan.plan(), Some(&Arc::new(crossed)), &all);
     assert_eq!(fusion.judge(0).unwrap().0.reasons.difference(Reasons::REMARKS), Reasons::CONDITION_UNKNOWN);
 }
 

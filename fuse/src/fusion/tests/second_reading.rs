@@ -5,6 +5,8 @@ use std::collections::BTreeSet;
 use tapline_wire::Purpose;
 
 use super::*;
+use crate::build_reference;
+use crate::testing::{built, file, shoulders_of};
 
 fn scanned_once(cracks: Vec<(u16, std::ops::Range<u32>)>) -> Casing {
     let velocities_m_per_s = vec![1.0];
@@ -173,28 +175,12 @@ fn the_gain_of_a_second_reading_is_no_damage() {
     let sound = Casing { shoulder_count: 2, ..scanned_once(Vec::new()) };
     // The reference was tapped twice everywhere: only its first taps are like the scan's.
     let twice = Casing { repetition_count: 2, ..sound.clone() };
-    let known = (0..6).flat_map(|k| {
-        let plan = twice.plan();
-        let found = records(&twice, &plan, 100 + k);
-        let of = move |scan| crate::KnownShoulder::of(&plan, &found, scan, None).unwrap();
-        (0..2)
-            .map(of)
-            .map(move |shoulder| crate::KnownShoulder { tyre: format!("A{k}"), ..shoulder })
-            .collect::<Vec<_>>()
-    });
-    let built = crate::Built {
-        config: FuseConfig::by(Reference::File("sound.json".into())),
-        lineage: Vec::new(),
-        process: String::new(),
-        learns_directions: false,
-    };
-    let set = Arc::new(crate::build_reference(&built, known.collect()).unwrap());
+    let known = (0..6).flat_map(|k| shoulders_of(&twice, 100 + k, false, &format!("A{k}"))).collect();
+    let set = Arc::new(build_reference(&built(file()), known).unwrap());
     let casing = Casing { cracks: vec![(1, 40..44)], ..sound.clone() };
     let plan = casing.plan();
     let judged = |plan: &Plan, all: &[Discriminators]| {
-        let mut fusion = Fusion::with_reference(&built.config, plan, Arc::clone(&set)).unwrap();
-        all.iter().for_each(|record| fusion.push(record).unwrap());
-        (0..2).for_each(|scan| fusion.end(scan).unwrap());
+        let mut fusion = whole_by(&file(), plan, Some(&set), all);
         (fusion.judge(0).unwrap().0, fusion.wanted(0, 10_000).unwrap())
     };
     let taps = judged(&plan, &records(&casing, &plan, 7)).1;

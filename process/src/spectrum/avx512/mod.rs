@@ -223,16 +223,14 @@ fn turned<const RADIX: usize>(mut rows: [Row; RADIX], twiddles: &[Complex<f32>; 
 #[cfg(test)]
 mod tests {
     use rustfft::FftPlanner;
+    use tapline_testing::noise::Noise;
 
     use super::*;
 
     fn numbers(length: usize) -> Vec<Complex<f32>> {
         // Noise, whose bins are all of similar size.
-        let mut state = 12_345_u32;
-        let mut random = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (f64::from(state) / f64::from(u32::MAX) - 0.5) as f32
-        };
+        let mut noise = Noise(12_345);
+        let mut random = || (noise.uniform() - 0.5) as f32;
         (0..length).map(|_| Complex::new(random(), random())).collect()
     }
 
