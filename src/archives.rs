@@ -109,35 +109,6 @@ impl Archives {
     }
 }
 
-/// The finished archives of a folder, listed again and again.
-#[cfg(feature = "uplink")]
-#[derive(Debug)]
-pub(crate) struct Finished {
-    folder: PathBuf,
-    /// Files that have results: each was opened once to know it.
-    results: BTreeSet<PathBuf>,
-}
-
-#[cfg(feature = "uplink")]
-impl Finished {
-    pub(crate) fn of(folder: &Path) -> Self {
-        Self { folder: folder.to_owned(), results: BTreeSet::new() }
-    }
-
-    /// Paths below the folder, in the order of their names; there may be none.
-    pub(crate) fn list(&mut self) -> Result<Vec<PathBuf>> {
-        let mut finished = Folder::list(&self.folder)?.finished;
-        // Names travel as text.
-        finished.retain(|path| path.to_str().is_some() && !self.results.contains(path));
-        // Also where the archive is no more that they are of.
-        let (results, casings): (Vec<_>, Vec<_>) =
-            finished.into_iter().partition(|path| tapline_store::has_results(path));
-        self.results.extend(results);
-        let below = |path: &PathBuf| path.strip_prefix(&self.folder).unwrap_or(path).to_owned();
-        Ok(casings.iter().map(below).collect())
-    }
-}
-
 fn nothing_in(folder: &Path, which: Which) -> String {
     let folder = folder.display();
     match which {

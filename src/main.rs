@@ -21,9 +21,11 @@ use std::sync::atomic::AtomicBool;
 
 use anyhow::Context as _;
 use clap::{CommandFactory as _, Parser as _};
-use tapline_host::log;
+use tapline_host::atomic_file::check_folder;
 use tapline_host::messages::print_failure;
 use tapline_host::signals::end_on_signals;
+use tapline_host::stdout::Stdout;
+use tapline_host::{generated, log};
 use tapline_store::RunError;
 use tracing::level_filters::LevelFilter;
 
@@ -118,15 +120,22 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
             Some(path) => line::check_config(path),
             None => verbs::config::example(),
         },
-        Verb::Completions { shell } => verbs::generated::completions(Cli::command(), *shell),
-        Verb::Man { folder, force } => verbs::generated::man(Cli::command(), folder, force.existing()),
+        Verb::Completions { shell } => {
+            generated::completions(Cli::command(), *shell, &mut Stdout)?;
+            Ok(true)
+        }
+        Verb::Man { folder, force } => {
+            check_folder(folder, force.existing())?;
+            generated::manual(Cli::command(), folder)?;
+            Ok(true)
+        }
         Verb::Stage(args) => line::stage::stage(args),
         Verb::Export(args) => export::export(args),
         Verb::Import(args) => import::import(args),
         Verb::Reference(args) => reference::reference(args),
         Verb::Verify { archives, json } => verify::verify(archives, *json),
         Verb::Reprocess(args) => reprocess::reprocess(args),
-        Verb::Repack { archives, codec, out, json } => repack::repack(archives, (*codec).into(), out, *json),
+        Verb::Repack { archives, codec, out, json } => repack::repack(archives, *codec, out, *json),
         #[cfg(feature = "uplink")]
         Verb::Uplink(args) => verbs::uplink::uplink(args),
         #[cfg(feature = "uplink")]
@@ -135,10 +144,7 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
             explain::explain(archives, results.which(), shoulder.as_deref(), *location, *json)
         }
         Verb::Diff { before, after, results, json } => diff::diff(before, after, Which::results_if(*results), *json),
-        Verb::Report { archives, out, config, shift, results, force, json } => {
-            let written = report::Written { existing: force.existing(), as_json: *json };
-            report::report(archives, results.which(), out.as_deref(), config.as_deref(), shift.clone(), written)
-        }
+        Verb::Report(args) => report::report(args),
         Verb::Model(ModelVerb::Table { number, effective_length, json }) => {
             model_table::model(*number, *effective_length, *json)
         }

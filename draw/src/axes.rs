@@ -43,31 +43,13 @@ pub struct Axis {
 /// # Errors
 /// Those of the library.
 pub fn axes<'b>(area: &Area<'b>, frame: &Frame, x: &Axis, y: &Axis) -> Result<Chart<'b, 'b>> {
-    let mut chart = coordinates(area, frame, x, y)?;
-    draw_mesh(&mut chart, x, y)?;
-    Ok(chart)
-}
-
-/// The coordinates of the axes `x` and `y` around `frame`, without drawing the axes: what is drawn before [`draw_mesh`]
-/// is below the grid.
-///
-/// # Errors
-/// Those of the library.
-pub fn coordinates<'b>(area: &Area<'b>, frame: &Frame, x: &Axis, y: &Axis) -> Result<Chart<'b, 'b>> {
     let &Frame { left, right, top, bottom, left_room, bottom_room } = frame;
     let size = (units(right - left + left_room), units(bottom - top + bottom_room));
     let place = area.clone().shrink(at((left - left_room, top)), size);
-    Ok(ChartBuilder::on(&place)
+    let mut chart = ChartBuilder::on(&place)
         .set_label_area_size(LabelAreaPosition::Left, units(left_room))
         .set_label_area_size(LabelAreaPosition::Bottom, units(bottom_room))
-        .build_cartesian_2d(x.range.0..x.range.1, y.range.0..y.range.1)?)
-}
-
-/// Draws the grid, the axes and their labels.
-///
-/// # Errors
-/// Those of the library.
-pub fn draw_mesh(chart: &mut Chart<'_, '_>, x: &Axis, y: &Axis) -> Result<()> {
+        .build_cartesian_2d(x.range.0..x.range.1, y.range.0..y.range.1)?;
     chart
         .configure_mesh()
         .x_desc(x.label.as_str())
@@ -82,5 +64,5 @@ pub fn draw_mesh(chart: &mut Chart<'_, '_>, x: &Axis, y: &Axis) -> Result<()> {
         .label_style(font(12.0, PALE_INK, HPos::Center, false))
         .axis_desc_style(font(13.0, INK, HPos::Center, false))
         .draw()?;
-    Ok(())
+    Ok(chart)
 }

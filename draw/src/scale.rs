@@ -105,6 +105,9 @@ fn linear_ticks((low, high): Point, count: usize) -> Vec<Tick> {
     let power = 10.0_f64.powf(wanted.log10().floor());
     let step = [1.0, 2.0, 5.0, 10.0].map(|k| k * power).into_iter().find(|step| *step >= 0.999 * wanted);
     let step = step.unwrap_or(10.0 * power);
+    if !(step.is_finite() && step > 0.0) {
+        return Vec::new();
+    }
     let first = (low / step - 1e-9).ceil() as i64;
     let last = (high / step + 1e-9).floor() as i64;
     let tick = |k: i64| Tick { value: k as f64 * step, label: short(k as f64 * step) };

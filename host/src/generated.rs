@@ -2,11 +2,13 @@
 
 use std::fs;
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use clap::Command;
 use clap_complete::{Shell, generate};
 use clap_mangen::Man;
+
+use crate::atomic_file::WriteError;
 
 /// Writes the completions of `command` for `shell` to `out`.
 ///
@@ -20,36 +22,31 @@ pub fn completions(mut command: Command, shell: Shell, out: &mut impl Write) -> 
     out.write_all(&text)
 }
 
-/// Writes the manual pages of `command`, a page a verb, into `folder`, which is made if it is not there. The paths of the pages.
+/// Writes the manual pages of `command`, a page a verb, into `folder`, which is made if it is not there.
 ///
 /// # Errors
-/// What the system returns, with the path.
-pub fn manual(mut command: Command, folder: &Path) -> Result<Vec<PathBuf>, (PathBuf, io::Error)> {
+/// [`WriteError::Failed`].
+pub fn manual(mut command: Command, folder: &Path) -> Result<(), WriteError> {
     // Gives each verb the options that all have.
     command.build();
-    fs::create_dir_all(folder).map_err(|error| (folder.to_owned(), error))?;
-    let mut pages = Vec::new();
+    fs::create_dir_all(folder).map_err(|error| failed(folder, error))?;
     let name = command.get_name().to_owned();
-    write_page(command, [&name, &name], folder, &mut pages)?;
-    Ok(pages)
+    write_page(command, [&name, &name], folder)
 }
 
 /// Writes the page of `command`, and those of its verbs. Its names are that of its page, and how it is called.
-fn write_page(
-    command: Command,
-    [name, called]: [&str; 2],
-    folder: &Path,
-    pages: &mut Vec<PathBuf>,
-) -> Result<(), (PathBuf, io::Error)> {
+fn write_page(command: Command, [name, called]: [&str; 2], folder: &Path) -> Result<(), WriteError> {
     let command = command.disable_help_subcommand(true).display_name(name.to_owned()).bin_name(called.to_owned());
     for verb in command.get_subcommands().filter(|verb| !verb.is_hide_set() && verb.get_name() != "help") {
         let [name, called] = [(name, "-"), (called, " ")].map(|(of, mark)| format!("{of}{mark}{}", verb.get_name()));
-        write_page(verb.clone(), [&name, &called], folder, pages)?;
+        write_page(verb.clone(), [&name, &called], folder)?;
     }
     let page = folder.join(format!("{name}.1"));
     let mut text = Vec::new();
     let written = Man::new(command).title(name.to_uppercase()).render(&mut text);
-    written.and_then(|()| fs::write(&page, &text)).map_err(|error| (page.clone(), error))?;
-    pages.push(page);
-    Ok(())
+    written.and_then(|()| fs::write(&page, &text)).map_err(|error| failed(&page, error))
+}
+
+fn failed(path: &Path, error: io::Error) -> WriteError {
+    WriteError::Failed { path: path.to_owned(), source: error.into() }
 }

@@ -36,19 +36,6 @@ pub(crate) struct ReferenceArgs {
     pub json: bool,
 }
 
-/// What packs samples.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub(crate) enum PackedBy {
-    /// Nothing: read by every HDF5 program.
-    None,
-    /// Blosc with LZ4: fast.
-    Lz4,
-    /// Blosc with Zstandard: smaller.
-    Zstd,
-    /// Deflate: read by every HDF5 program, slow to write.
-    Gzip,
-}
-
 /// Which files of a folder a verb takes.
 #[derive(Debug, Clone, Copy, Args)]
 pub(crate) struct ResultsArgs {
@@ -106,6 +93,30 @@ pub(crate) struct ImportArgs {
     pub example: Option<PathBuf>,
     /// Print what was imported as JSON.
     #[arg(long, conflicts_with = "example")]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ReportArgs {
+    /// Archives or files of results, or folders of archives.
+    #[arg(required = true)]
+    pub archives: Vec<PathBuf>,
+    /// Folder to write into, made when it is not there; the first archive's or folder's name with `-report`, in this
+    /// folder, when left out.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// A configuration whose table `[report]` is printed, in place of the archive's.
+    #[arg(long)]
+    pub config: Option<PathBuf>,
+    /// Name of the shift, on its page.
+    #[arg(long)]
+    pub shift: Option<String>,
+    #[command(flatten)]
+    pub results: ResultsArgs,
+    #[command(flatten)]
+    pub force: ForceArgs,
+    /// Print a line of JSON for each page.
+    #[arg(long)]
     pub json: bool,
 }
 

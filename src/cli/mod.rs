@@ -15,8 +15,9 @@ use serde::de::value::Error;
 use serde::de::{DeserializeOwned, IntoDeserializer};
 use tapline_host::arguments::{ForceArgs, LogArgs};
 use tapline_model::EffectiveLength;
+use tapline_store::Codec;
 
-use crate::cli::archives::{ExportArgs, ImportArgs, PackedBy, ReferenceArgs, ReprocessArgs, ResultsArgs};
+use crate::cli::archives::{ExportArgs, ImportArgs, ReferenceArgs, ReportArgs, ReprocessArgs, ResultsArgs};
 use crate::cli::line::{LineArgs, RunArgs, StageArgs, StatusArgs};
 use crate::cli::model::{ContactArgs, LENGTHS};
 
@@ -121,7 +122,7 @@ pub(crate) enum Verb {
         /// Archives, or folders of them.
         #[arg(required = true)]
         archives: Vec<PathBuf>,
-        /// Print the report as JSON; of several archives a line each, and one that sums up.
+        /// Print a line of JSON for each archive; of several archives, one more that sums up.
         #[arg(long)]
         json: bool,
     },
@@ -135,9 +136,10 @@ pub(crate) enum Verb {
         /// Archives, or folders of them.
         #[arg(required = true)]
         archives: Vec<PathBuf>,
-        /// What packs the samples of the new ones.
-        #[arg(long, value_enum)]
-        codec: PackedBy,
+        /// What packs the samples of the new ones: none and gzip are read by every HDF5 program, gzip is slow to write; lz4 is
+        /// fast and zstd smaller, both within Blosc.
+        #[arg(long, value_parser = one_of::<Codec>(&["none", "lz4", "zstd", "gzip"]))]
+        codec: Codec,
         /// The new archive; of a folder, or of several files, a folder for them. No archive is replaced.
         #[arg(long)]
         out: PathBuf,
@@ -191,28 +193,7 @@ pub(crate) enum Verb {
     ///
     /// Each page is one HTML file that needs nothing else. Of an archive with missing taps the pages
     /// show what is there.
-    Report {
-        /// Archives or files of results, or folders of archives.
-        #[arg(required = true)]
-        archives: Vec<PathBuf>,
-        /// Folder to write into, made when it is not there; the first archive's or folder's name with `-report`, in this
-        /// folder, when left out.
-        #[arg(long)]
-        out: Option<PathBuf>,
-        /// A configuration whose table `[report]` is printed, in place of the archive's.
-        #[arg(long)]
-        config: Option<PathBuf>,
-        /// Name of the shift, on its page.
-        #[arg(long)]
-        shift: Option<String>,
-        #[command(flatten)]
-        results: ResultsArgs,
-        #[command(flatten)]
-        force: ForceArgs,
-        /// Print a line of JSON for each page.
-        #[arg(long)]
-        json: bool,
-    },
+    Report(ReportArgs),
     /// The contact models.
     #[command(subcommand)]
     Model(ModelVerb),

@@ -1,6 +1,7 @@
 //! The options of a line: configuration, source of casings, output folder.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::{Context as _, Result, bail};
 use tapline_fuse::Reference;
@@ -18,20 +19,11 @@ pub(crate) struct Job {
     pub(crate) config_toml: String,
     pub(crate) taps: Option<PathBuf>,
     pub(crate) out: PathBuf,
-    reference: ReferenceSource,
+    /// The reference, if it is in a file.
+    pub(crate) reference: Option<ReferenceFile>,
     pub(crate) stations: Option<u16>,
     /// What its results are made by.
     made_by: String,
-}
-
-/// Where a reference is read from.
-#[derive(Debug)]
-enum ReferenceSource {
-    /// It is in no file.
-    None,
-    File(PathBuf),
-    /// It was read before.
-    Text(String),
 }
 
 impl Job {
@@ -69,8 +61,8 @@ impl Job {
             bail!("the results would go into the tap set {} itself: give --out another folder", taps.display());
         }
         let reference = match &config.fuse.reference {
-            Some(Reference::File(path)) => ReferenceSource::File(path.clone()),
-            _ => ReferenceSource::None,
+            Some(Reference::File(path)) => Some(ReferenceFile::read(path)?),
+            _ => None,
         };
         let (taps, stations, made_by) = (args.taps.clone(), args.stations, made_by(&config)?);
         Ok(Self { config, config_toml, taps, out, reference, stations, made_by })
@@ -94,13 +86,14 @@ impl Job {
     /// The job of a stage, from the copy of its line.
     pub(crate) fn of_copy(config_toml: &str, reference: Option<String>, out: PathBuf) -> Result<Self> {
         let config = Config::parse(config_toml).context("the line's copy of its configuration cannot be read")?;
+        let reference = reference.map(ReferenceFile::of).transpose().context("cannot use the copy of the reference")?;
         Ok(Self {
             made_by: made_by(&config)?,
             config,
             config_toml: config_toml.to_owned(),
             taps: None,
             out,
-            reference: reference.map_or(ReferenceSource::None, ReferenceSource::Text),
+            reference,
             stations: None,
         })
     }
@@ -110,21 +103,10 @@ impl Job {
         &self.made_by
     }
 
-    /// Reads the reference, if it is in a file.
-    pub(crate) fn reference(&self) -> Result<Option<ReferenceFile>> {
-        match &self.reference {
-            ReferenceSource::None => Ok(None),
-            ReferenceSource::Text(text) => {
-                ReferenceFile::of(text.clone()).context("cannot use the copy of the reference").map(Some)
-            }
-            ReferenceSource::File(path) => ReferenceFile::read(path).map(Some),
-        }
-    }
-
     /// What makes the fusion of each casing.
-    pub(crate) fn fusions(&self) -> Result<Fusions> {
-        let set = self.reference()?.map(|file| file.set);
-        Ok(Fusions::new(self.config.fuse.clone(), self.config.process, set))
+    pub(crate) fn fusions(&self) -> Fusions {
+        let set = self.reference.as_ref().map(|file| Arc::clone(&file.set));
+        Fusions::new(self.config.fuse.clone(), self.config.process, set)
     }
 }
 

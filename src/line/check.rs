@@ -72,7 +72,7 @@ pub(super) fn check_line(job: &Job) -> Result<Setup> {
         );
     }
     let setup = Setup::new(job, Arriving::Stations, &absolute(&job.out)?)?;
-    let fusions = job.fusions()?;
+    let fusions = job.fusions();
     check_calibrations(job)?;
     if stations.iter().any(|of| of.source != StationSource::Folder) {
         remark_on_scan(scan);

@@ -19,7 +19,7 @@ pub(super) struct Listed {
 
 impl Listed {
     pub(super) fn check(job: &Job, setup: &Setup) -> Result<Self> {
-        let fusions = job.fusions()?;
+        let fusions = job.fusions();
         let is_simulated = setup.arriving == Arriving::Simulated;
         let mut known = BTreeSet::new();
         let mut listed = Self { names: Vec::new(), tap_count: 0, plans: Vec::new() };

@@ -57,7 +57,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
     if !is_done {
         setup.check_machine()?;
     }
-    say_unsupported(&job)?;
+    say_unsupported(&job);
     let pace = if is_done {
         Pace::default()
     } else {
@@ -102,7 +102,7 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     let mut folder = OutFolder::take(&job.out)?;
     folder.clear_left(GONE_WITHIN)?;
     setup.check_machine()?;
-    say_unsupported(&job)?;
+    say_unsupported(&job);
     // Before anything is told: a line that is asked to stop from here on stops in good order.
     let stop = stop_at_signals()?;
     let progress = Progress::new(None, Unit::Things("taps"));
@@ -155,12 +155,11 @@ fn show_on_page(_: &LineArgs, _: &ReportConfig) -> Result<(Option<ShowStatus>, O
 }
 
 /// Says what the reference cannot show, and which of the stated rates it does not support.
-fn say_unsupported(job: &Job) -> Result<()> {
+fn say_unsupported(job: &Job) {
     if job.config.fuse.reference == Some(Reference::Own) {
         tracing::warn!("each casing is compared with itself: damage all round would not show");
     }
-    job.fusions()?.unsupported().iter().for_each(|text| tracing::warn!("{text}"));
-    Ok(())
+    job.fusions().unsupported().iter().for_each(|text| tracing::warn!("{text}"));
 }
 
 /// A flag that is set when this process is asked to end.

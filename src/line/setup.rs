@@ -51,7 +51,7 @@ impl Setup {
     /// The setup of `job` on the casings of `arriving`, with results in `out`.
     pub(crate) fn new(job: &Job, arriving: Arriving, out: &Path) -> Result<Self> {
         let limits = limits_of(job, &arriving)?;
-        let reference = job.reference()?.map(|file| file.text);
+        let reference = job.reference.as_ref().map(|file| file.text.clone());
         Ok(Self {
             arriving,
             started_in: std::env::current_dir().context("cannot find the folder this was started in")?,

@@ -74,7 +74,9 @@ pub(crate) fn stage(args: &StageArgs) -> Result<bool> {
     let address = LineAddress::at(&args.line)?;
     let _lock = address.lock_folder()?;
     let setup = Setup::read(&address)?;
-    let job = Job::of_copy(&setup.config_toml, setup.reference.clone(), setup.out.clone())?;
+    // Of the stages, `fuse` alone compares with it.
+    let reference = setup.reference.clone().filter(|_| args.stage == "fuse");
+    let job = Job::of_copy(&setup.config_toml, reference, setup.out.clone())?;
     let join = |role| -> Result<Line> {
         Ok(Line::join(&address, role, &setup.limits, stop_flag().context("cannot listen to signals")?)?)
     };
@@ -83,7 +85,7 @@ pub(crate) fn stage(args: &StageArgs) -> Result<bool> {
             Work::Process(tapline_process::run(&join(Role::Process)?, &job.config.process)?)
         }
         None if args.stage == "fuse" => {
-            let fusions = job.fusions()?;
+            let fusions = job.fusions();
             Work::Fuse(tapline_fuse::run(&join(Role::Fuse)?, &|plan| fusions.for_plan(plan))?)
         }
         None if args.stage == "store" => match tapline_store::run(&join(Role::Store)?, &setup.store_run(&job)) {

@@ -141,7 +141,7 @@ pub(crate) fn summarise(job: &Job, setup: &Setup, names: &[String], pace: Pace, 
         verdicts: sum.verdicts,
         auc: sum.has_truth.then(|| Auc::new(&sum.scores.score(), sum.scored)).filter(Auc::has_locations),
         flags: Quality::ALL.iter().filter_map(|&(_, name)| Some((name, *sum.flags.get(name)?))).collect(),
-        remarks: job.fusions()?.unsupported(),
+        remarks: job.fusions().unsupported(),
         reference_is_self: job.config.fuse.reference == Some(Reference::Own),
         pace,
     };

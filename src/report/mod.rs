@@ -10,10 +10,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use serde_json::json;
-use tapline_host::atomic_file::{Existing, check_folder, write_atomically};
+use tapline_host::atomic_file::{check_folder, write_atomically};
 use tapline_store::Reader;
 
-use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
+use crate::archives::{ArchiveProgress, Archives, Outcome};
+use crate::cli::archives::ReportArgs;
 use crate::config::Config;
 use crate::config::reference::KeptReferences;
 use crate::report::evidence::{Evidence, Tyre};
@@ -23,31 +24,15 @@ use tapline_host::stdout::Stdout;
 /// Name of the page of the shift.
 const SHIFT: &str = "shift.html";
 
-/// How pages are written.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Written {
-    /// What becomes of pages that are there.
-    pub existing: Existing,
-    /// Whether their paths are printed as JSON.
-    pub as_json: bool,
-}
-
-/// Writes the pages of the archives at `paths` into the folder `out`, or into one named after the first archive.
-pub(crate) fn report(
-    paths: &[PathBuf],
-    which: Which,
-    out: Option<&Path>,
-    config: Option<&Path>,
-    shift_name: Option<String>,
-    written: Written,
-) -> Result<bool> {
-    let printed = config.map(|path| Config::read(path).map(|(config, _)| config.report)).transpose()?;
-    let archives = Archives::find(paths, which)?;
-    let folder = out.map_or_else(|| default_folder(&paths[0]), Path::to_owned);
-    check_folder(&folder, written.existing)?;
+/// Writes the pages of the archives that `args` name into a folder, which is named after the first archive where none is given.
+pub(crate) fn report(args: &ReportArgs) -> Result<bool> {
+    let printed = args.config.as_deref().map(|path| Config::read(path).map(|(config, _)| config.report)).transpose()?;
+    let archives = Archives::find(&args.archives, args.results.which())?;
+    let folder = args.out.clone().unwrap_or_else(|| default_folder(&args.archives[0]));
+    check_folder(&folder, args.force.existing())?;
     let mut outcome = Outcome::new(&archives);
     let mut progress = ArchiveProgress::new(&archives);
-    let (mut shift, mut names, mut references) = (Shift::default(), Names::default(), KeptReferences::default());
+    let (mut shift, mut names, mut references) = (Shift::default(), BTreeSet::new(), KeptReferences::default());
     for file in &archives.files {
         progress.begin(file);
         let Some(reader) = outcome.take(file, Reader::open(&file.path))? else { continue };
@@ -62,8 +47,8 @@ pub(crate) fn report(
         let Some(pages) = outcome.take(file, pages)? else { continue };
         let Some(()) = outcome.take(file, shift.look_at(&reader, &evidence))? else { continue };
         for (tyre, page) in evidence.tyres.iter().zip(pages) {
-            let name = names.name_for(tyre, &file.casing());
-            progress.beside(|| put(&folder, &name, &page, written))?;
+            let name = name_for(&mut names, tyre, &file.casing());
+            progress.beside(|| put(&folder, &name, &page, args))?;
             shift.add_page(name);
         }
         shift.add_tyres(evidence);
@@ -71,9 +56,9 @@ pub(crate) fn report(
     drop(progress);
     let is_complete = outcome.end()?;
     // Last, because it links to the others.
-    let title = if archives.is_many { title_of(paths) } else { String::new() };
-    if let Some(page) = shift.page(title, shift_name.as_deref())? {
-        put(&folder, SHIFT, &page, written)?;
+    let title = if archives.is_many { title_of(&args.archives) } else { String::new() };
+    if let Some(page) = shift.page(title, args.shift.as_deref())? {
+        put(&folder, SHIFT, &page, args)?;
     }
     Ok(is_complete)
 }
@@ -92,11 +77,11 @@ fn title_of(paths: &[PathBuf]) -> String {
 }
 
 /// Writes a page and prints its path.
-fn put(folder: &Path, name: &str, page: &str, written: Written) -> Result<()> {
+fn put(folder: &Path, name: &str, page: &str, args: &ReportArgs) -> Result<()> {
     let path = folder.join(name);
-    write_atomically(&path, written.existing, |mut file| file.write_all(page.as_bytes()))?;
+    write_atomically(&path, args.force.existing(), |mut file| file.write_all(page.as_bytes()))?;
     let path = path.display().to_string();
-    writeln!(Stdout, "{}", if written.as_json { json!({ "page": path }).to_string() } else { path })?;
+    writeln!(Stdout, "{}", if args.json { json!({ "page": path }).to_string() } else { path })?;
     Ok(())
 }
 
@@ -106,25 +91,17 @@ fn default_folder(first: &Path) -> PathBuf {
     PathBuf::from(format!("{}-report", name.unwrap_or_default().to_string_lossy()))
 }
 
-/// File names of the tyres' pages: each is the serial, or the archive's name where that has a number behind the serial, with
-/// characters replaced that a file name or an address may not have, and with a number where two would be equal on some file
-/// system.
-#[derive(Default)]
-struct Names {
-    taken: BTreeSet<String>,
-}
-
-impl Names {
-    fn name_for(&mut self, tyre: &Tyre, archive: &str) -> String {
-        let serial = tyre.serial.as_str();
-        let is_numbered = archive.strip_prefix(serial).is_some_and(|number| number.starts_with('.'));
-        let plain = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
-        let name = if is_numbered { archive } else { serial };
-        let stem = format!("tyre-{}", name.chars().map(plain).collect::<String>());
-        let numbered = (2..).map(|number: u32| format!("{stem}-{number}"));
-        let free = std::iter::once(stem.clone()).chain(numbered).find(|name| self.taken.insert(name.to_lowercase()));
-        format!("{}.html", free.unwrap_or(stem))
-    }
+/// File name of a tyre's page: the serial, or the archive's name where that has a number behind the serial, with characters replaced
+/// that a file name or an address may not have, and with a number where one of the names `taken` would be equal on some file system.
+fn name_for(taken: &mut BTreeSet<String>, tyre: &Tyre, archive: &str) -> String {
+    let serial = tyre.serial.as_str();
+    let is_numbered = archive.strip_prefix(serial).is_some_and(|number| number.starts_with('.'));
+    let plain = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+    let name = if is_numbered { archive } else { serial };
+    let stem = format!("tyre-{}", name.chars().map(plain).collect::<String>());
+    let numbered = (2..).map(|number: u32| format!("{stem}-{number}"));
+    let free = std::iter::once(stem.clone()).chain(numbered).find(|name| taken.insert(name.to_lowercase()));
+    format!("{}.html", free.unwrap_or(stem))
 }
 
 #[cfg(test)]
@@ -138,12 +115,15 @@ mod tests {
     fn every_tyre_has_a_file_of_its_own() {
         let tyre = |serial: &str| Tyre { serial: Serial::new(serial).unwrap(), shoulders: Vec::new(), condition: None };
         let tyres = ["A 1", "A_1", "a<1", "..\\x", "A_1-2"].map(tyre);
-        let mut names = Names::default();
+        let mut taken = BTreeSet::new();
         assert_eq!(
-            tyres.iter().map(|tyre| names.name_for(tyre, "A 1")).collect::<Vec<_>>(),
+            tyres.iter().map(|tyre| name_for(&mut taken, tyre, "A 1")).collect::<Vec<_>>(),
             ["tyre-A_1.html", "tyre-A_1-2.html", "tyre-a_1-3.html", "tyre-.._x.html", "tyre-A_1-2-2.html"]
         );
         // The second scan of a casing, whose archive comes first.
-        assert_eq!(["B.2", "B"].map(|archive| names.name_for(&tyre("B"), archive)), ["tyre-B.2.html", "tyre-B.html"]);
+        assert_eq!(
+            ["B.2", "B"].map(|archive| name_for(&mut taken, &tyre("B"), archive)),
+            ["tyre-B.2.html", "tyre-B.html"]
+        );
     }
 }

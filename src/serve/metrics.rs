@@ -37,26 +37,18 @@ type Labels = Vec<(&'static str, String)>;
 /// Gauges with fractions.
 type Level = Gauge<f64, AtomicU64>;
 
-/// The room on the disk of the archive.
-#[derive(Debug, Default)]
-pub(super) struct Room {
-    /// Whether an answer is awaited: a disk that hangs is not asked again.
-    is_asked: AtomicBool,
-}
-
-impl Room {
-    /// Bytes that may still be written into `folder`; `None` if its disk does not say.
-    pub(super) async fn free_bytes(self: Arc<Self>, folder: PathBuf) -> Option<u64> {
-        if self.is_asked.swap(true, Ordering::AcqRel) {
-            return None;
-        }
-        let ask = move || {
-            let room = rustix::fs::statvfs(&folder).ok();
-            self.is_asked.store(false, Ordering::Release);
-            room.map(|room| room.f_bavail.saturating_mul(room.f_frsize))
-        };
-        beside(DISK_WITHIN, ask).await.ok().flatten()
+/// Bytes that may still be written into `folder`; `None` if its disk does not say. `is_asked` is set while an answer is awaited: a disk
+/// that hangs is not asked again.
+pub(super) async fn free_bytes(is_asked: Arc<AtomicBool>, folder: PathBuf) -> Option<u64> {
+    if is_asked.swap(true, Ordering::AcqRel) {
+        return None;
     }
+    let ask = move || {
+        let room = rustix::fs::statvfs(&folder).ok();
+        is_asked.store(false, Ordering::Release);
+        room.map(|room| room.f_bavail.saturating_mul(room.f_frsize))
+    };
+    beside(DISK_WITHIN, ask).await.ok().flatten()
 }
 
 /// The metrics of a line with this `status`, whose disk has so much room.

@@ -16,6 +16,7 @@ use std::convert::Infallible;
 use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::thread::{Builder, JoinHandle};
 use std::time::Duration;
 
@@ -41,8 +42,7 @@ use tokio_stream::StreamExt as _;
 use tokio_stream::wrappers::WatchStream;
 
 use crate::serve::access::{Access, Login};
-use crate::serve::metrics::Room;
-use crate::serve::reports::{Reports, Wanted};
+use crate::serve::reports::Wanted;
 use crate::shown::status::Status;
 
 /// Most connections at once; more wait in the system's queue.
@@ -80,15 +80,17 @@ pub(crate) struct Server {
 }
 
 /// What all answers are made of.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 struct App {
     /// The page, before anything is known of the line.
     page: Arc<str>,
     statuses: watch::Receiver<Shown>,
     access: Arc<Access>,
     followers: Arc<Semaphore>,
-    reports: Arc<Reports>,
-    room: Arc<Room>,
+    /// Who makes a report: one at a time.
+    reports: Arc<Semaphore>,
+    /// Whether the disk is asked for its room.
+    is_room_asked: Arc<AtomicBool>,
 }
 
 impl Server {
@@ -107,7 +109,8 @@ impl Server {
             .context("--serve: cannot start")?;
         let followers = Arc::new(Semaphore::new(FOLLOWERS_MAX));
         let page = include_str!("page/index.html").replace("{angles}", &html! { (angles) }.into_string()).into();
-        let app = App { page, statuses, access, followers, reports: Arc::default(), room: Arc::default() };
+        let (reports, is_room_asked) = (Arc::new(Semaphore::new(1)), Arc::default());
+        let app = App { page, statuses, access, followers, reports, is_room_asked };
         let serve = move || {
             if let Err(error) = runtime.block_on(serve(listener, app)) {
                 tracing::error!("the page of the line is not served: {error}");
@@ -240,14 +243,14 @@ async fn events(State(app): State<App>) -> Response {
 
 async fn report(State(app): State<App>, Query(wanted): Query<Wanted>) -> Response {
     let status = app.status().unwrap_or_default();
-    app.reports.page(&status, wanted).await
+    reports::page(&app.reports, &status, wanted).await
 }
 
 async fn numbers(State(app): State<App>) -> Response {
     let Some(status) = app.status() else {
         return refuse(StatusCode::SERVICE_UNAVAILABLE, "the line starts".to_owned());
     };
-    let free_bytes = Arc::clone(&app.room).free_bytes(status.out.clone()).await;
+    let free_bytes = metrics::free_bytes(Arc::clone(&app.is_room_asked), status.out.clone()).await;
     match metrics::text(&status, free_bytes) {
         Ok(text) => ([(CONTENT_TYPE, metrics::CONTENT)], text).into_response(),
         Err(error) => refuse(StatusCode::INTERNAL_SERVER_ERROR, error.to_string()),

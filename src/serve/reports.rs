@@ -27,18 +27,6 @@ const NICE: i32 = 15;
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'; \
                       frame-ancestors 'none'";
 
-/// Makes reports, one at a time.
-#[derive(Debug)]
-pub(super) struct Reports {
-    turn: Semaphore,
-}
-
-impl Default for Reports {
-    fn default() -> Self {
-        Self { turn: Semaphore::new(1) }
-    }
-}
-
 /// The report that is asked for.
 #[derive(Debug, Deserialize)]
 pub(super) struct Wanted {
@@ -49,25 +37,23 @@ pub(super) struct Wanted {
     tyre: usize,
 }
 
-impl Reports {
-    /// The page of a tyre of one of the last casings.
-    pub(super) async fn page(&self, status: &Status, wanted: Wanted) -> Response {
-        // No other file can be asked for.
-        if !status.verdicts.iter().any(|verdict| verdict.file == wanted.file) {
-            let why = format!("{} is the file of none of the last casings", wanted.file.display());
-            return refuse(StatusCode::NOT_FOUND, why);
+/// The page of a tyre of one of the last casings. Reports are made one at a time, so each waits for its `turn`.
+pub(super) async fn page(turn: &Semaphore, status: &Status, wanted: Wanted) -> Response {
+    // No other file can be asked for.
+    if !status.verdicts.iter().any(|verdict| verdict.file == wanted.file) {
+        let why = format!("{} is the file of none of the last casings", wanted.file.display());
+        return refuse(StatusCode::NOT_FOUND, why);
+    }
+    let Ok(Ok(_turn)) = tokio::time::timeout(TIMEOUT, turn.acquire()).await else {
+        return refuse(StatusCode::SERVICE_UNAVAILABLE, "other reports are being made".to_owned());
+    };
+    let made = beside(TIMEOUT + Duration::from_secs(5), move || make(&wanted.file, wanted.tyre)).await;
+    match made {
+        Ok(Ok(page)) => {
+            ([(CONTENT_TYPE, "text/html; charset=utf-8"), (CONTENT_SECURITY_POLICY, POLICY)], page).into_response()
         }
-        let Ok(Ok(_turn)) = tokio::time::timeout(TIMEOUT, self.turn.acquire()).await else {
-            return refuse(StatusCode::SERVICE_UNAVAILABLE, "other reports are being made".to_owned());
-        };
-        let made = beside(TIMEOUT + Duration::from_secs(5), move || make(&wanted.file, wanted.tyre)).await;
-        match made {
-            Ok(Ok(page)) => {
-                ([(CONTENT_TYPE, "text/html; charset=utf-8"), (CONTENT_SECURITY_POLICY, POLICY)], page).into_response()
-            }
-            Ok(Err(error)) => refuse(StatusCode::INTERNAL_SERVER_ERROR, format!("there is no report: {error:#}")),
-            Err(error) => refuse(StatusCode::INTERNAL_SERVER_ERROR, format!("there is no report: {error}")),
-        }
+        Ok(Err(error)) => refuse(StatusCode::INTERNAL_SERVER_ERROR, format!("there is no report: {error:#}")),
+        Err(error) => refuse(StatusCode::INTERNAL_SERVER_ERROR, format!("there is no report: {error}")),
     }
 }
 

@@ -120,6 +120,11 @@ impl CasingVerdict {
         })
     }
 
+    /// The same as JSON, which `docs/verdict.schema.json` describes.
+    pub(crate) fn json(&self) -> String {
+        serde_json::to_string(self).unwrap_or_default() // all keys are text, and a line refuses a folder whose name is not
+    }
+
     /// Prints it: in short or in full a line for each shoulder, or one of JSON for all.
     pub(crate) fn print(&self, form: Form) -> Result<()> {
         let mut out = Stdout;
@@ -127,7 +132,7 @@ impl CasingVerdict {
             writeln!(out, "{}", if form == Form::Short { shoulder.short() } else { self.line(shoulder) })?;
         }
         if form == Form::Json {
-            writeln!(out, "{}", serde_json::to_string(self)?)?;
+            writeln!(out, "{}", self.json())?;
         }
         Ok(out.flush()?)
     }

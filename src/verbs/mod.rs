@@ -7,7 +7,6 @@ pub(crate) mod devices;
 pub(crate) mod diff;
 pub(crate) mod explain;
 pub(crate) mod export;
-pub(crate) mod generated;
 pub(crate) mod import;
 pub(crate) mod model_contact;
 pub(crate) mod model_table;

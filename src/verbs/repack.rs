@@ -10,7 +10,6 @@ use tapline_host::signals::note_folder;
 use tapline_store::{Codec, Repacked};
 
 use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
-use crate::cli::archives::PackedBy;
 use tapline_host::stdout::Stdout;
 
 /// Packs the archive at `paths` into the file `out`; several into the folder `out`, under their names.
@@ -48,15 +47,4 @@ fn print(archive: &Path, out: &Path, repacked: &Repacked, as_json: bool) -> Resu
     let (samples, before, after) = (mb(sample_bytes), mb(before_bytes), mb(after_bytes));
     writeln!(Stdout, "{}: {after}, from {before}; {samples} of samples, {ratio:.2} times the file", out.display())?;
     Ok(())
-}
-
-impl From<PackedBy> for Codec {
-    fn from(by: PackedBy) -> Self {
-        match by {
-            PackedBy::None => Self::None,
-            PackedBy::Lz4 => Self::Lz4,
-            PackedBy::Zstd => Self::Zstd,
-            PackedBy::Gzip => Self::Gzip,
-        }
-    }
 }

@@ -1,16 +1,16 @@
 //! `tapline uplink` and `tapline collect`: finished casing files go to a centre.
 
+use std::collections::BTreeSet;
 use std::io::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, ensure};
 use serde_json::json;
 use tapline_host::messages::{counted, say, with_causes};
 use tapline_host::signals::stop_flag;
-use tapline_store::Error;
+use tapline_store::{Error, Folder};
 use tapline_uplink::{CasingFile, Collector, Fate, Receipt, Sender, Server, Standing, Until};
 
-use crate::archives::Finished;
 use crate::cli::uplink::{CollectArgs, ServerArgs, UplinkArgs};
 use tapline_host::stdout::Stdout;
 
@@ -24,12 +24,12 @@ pub(crate) fn uplink(args: &UplinkArgs) -> Result<bool> {
         bucket: args.server.bucket.clone(),
         again: args.again,
     };
-    let mut finished = Finished::of(&args.folder);
+    let mut results = BTreeSet::new();
     let standing = tapline_uplink::send(
         &server,
         &sender,
         &until(args.once)?,
-        || finished.list(),
+        || finished(&args.folder, &mut results),
         |sent| {
             print(&sent.file, &args.folder.join(sent.file.below_site()), &sent.receipt, args.json);
         },
@@ -40,6 +40,20 @@ pub(crate) fn uplink(args: &UplinkArgs) -> Result<bool> {
     say(&format!("{at_centre} of {of} at the centre"));
     // A service that is ended has done what it could; files that wait are sent at its next start.
     Ok(!args.once || at_centre == files)
+}
+
+/// Finished archives of `folder`, as paths below it, in the order of their names; there may be none. `results` are files that have results:
+/// each is opened once to know it.
+fn finished(folder: &Path, results: &mut BTreeSet<PathBuf>) -> Result<Vec<PathBuf>> {
+    let mut finished = Folder::list(folder)?.finished;
+    // Names travel as text.
+    finished.retain(|path| path.to_str().is_some() && !results.contains(path));
+    // Also where the archive is no more that they are of.
+    let (with_results, casings): (Vec<_>, Vec<_>) =
+        finished.into_iter().partition(|path| tapline_store::has_results(path));
+    results.extend(with_results);
+    let below = |path: &PathBuf| path.strip_prefix(folder).unwrap_or(path).to_owned();
+    Ok(casings.iter().map(below).collect())
 }
 
 /// Takes the files that come to a centre; whether none was refused.

@@ -1,10 +1,10 @@
 //! `tapline verify`: checks that archives are complete and unaltered.
 
-use std::io::{self, Write};
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use serde_json::{Value, json};
+use serde_json::json;
 use tapline_host::colour::Colour;
 use tapline_host::messages::counted;
 use tapline_wire::TapState;
@@ -16,21 +16,18 @@ use tapline_host::stdout::Stdout;
 pub(crate) fn verify(paths: &[PathBuf], as_json: bool) -> Result<bool> {
     let archives = Archives::find(paths, Which::All)?;
     let mut progress = ArchiveProgress::new(&archives);
-    if !archives.is_many {
-        let Some(file) = archives.files.first() else { return Ok(false) };
-        progress.begin(file);
-        return check(&file.path, as_json, false, &mut progress);
-    }
     let mut outcome = Outcome::new(&archives);
     let mut hurt = 0;
     for file in &archives.files {
         progress.begin(file);
-        let is_complete = outcome.take(file, check(&file.path, as_json, true, &mut progress))?;
+        let is_complete = outcome.take(file, check(&file.path, as_json, &mut progress))?;
         hurt += usize::from(is_complete != Some(true));
     }
     drop(progress);
     outcome.note(hurt == 0 && archives.unfinished.is_empty());
-    sum_up(&archives, hurt, as_json)?;
+    if archives.is_many {
+        sum_up(&archives, hurt, as_json)?;
+    }
     // An archive that cannot be read is incomplete, also if none can be read.
     Ok(outcome.end().unwrap_or(false))
 }
@@ -62,36 +59,26 @@ fn sum_up(archives: &Archives, hurt: usize, as_json: bool) -> Result<()> {
 }
 
 /// Reports an archive that is too damaged to be checked row by row.
-fn report_unreadable(archive: &Path, why: &str, as_json: bool, is_of_many: bool) -> Result<bool> {
+fn report_unreadable(archive: &Path, why: &str, as_json: bool) -> Result<bool> {
     let mut out = Stdout;
     match as_json {
         true => {
             let text = json!({ "archive": archive.display().to_string(), "problems": [why], "is_complete": false });
-            print_json(&mut out, &text, is_of_many)?;
+            writeln!(out, "{text}")?;
         }
         false => writeln!(out, "{why}\n{}: UNREADABLE", archive.display())?,
     }
     Ok(false)
 }
 
-/// Writes a report: one of many in a line of its own, so that they can be separated.
-fn print_json(out: &mut impl Write, report: &Value, is_of_many: bool) -> io::Result<()> {
-    if is_of_many { writeln!(out, "{report}") } else { writeln!(out, "{report:#}") }
-}
-
 /// Checks an archive, and prints the report.
-fn check(archive: &Path, as_json: bool, is_of_many: bool, progress: &mut ArchiveProgress) -> Result<bool> {
+fn check(archive: &Path, as_json: bool, progress: &mut ArchiveProgress) -> Result<bool> {
     let checked = tapline_store::verify_with(archive, |part| progress.note_part(part));
-    progress.beside(|| print(archive, checked, as_json, is_of_many))
+    progress.beside(|| print(archive, checked, as_json))
 }
 
 /// Prints what was found in an archive; whether it is complete.
-fn print(
-    archive: &Path,
-    checked: tapline_store::Result<tapline_store::Report>,
-    as_json: bool,
-    is_of_many: bool,
-) -> Result<bool> {
+fn print(archive: &Path, checked: tapline_store::Result<tapline_store::Report>, as_json: bool) -> Result<bool> {
     use tapline_store::Error;
     let report = match checked {
         Err(
@@ -101,7 +88,7 @@ fn print(
             | Error::NotAnArchive { .. }
             | Error::OtherUnits { .. }),
         ) => {
-            return report_unreadable(archive, &error.to_string(), as_json, is_of_many);
+            return report_unreadable(archive, &error.to_string(), as_json);
         }
         report => report?,
     };
@@ -126,7 +113,7 @@ fn print(
             "is_finished": report.is_finished,
             "is_complete": is_complete,
         });
-        print_json(&mut out, &text, is_of_many)?;
+        writeln!(out, "{text}")?;
         return Ok(is_complete);
     }
     let file = archive.display().to_string();

@@ -8,17 +8,14 @@
 //! - `outbox`: who has still to be reported which verdict
 //! - `now`: what stands at each station
 //! - `on_verdict`: the command
-//! - `message`: verdicts and what stands as JSON
 //! - `mqtt`, `opcua`, `modbus`: the wires
 //! - `wire`: a wire's thread
 
 #[cfg(feature = "plant")]
-mod message;
-#[cfg(feature = "plant")]
 mod modbus;
 #[cfg(feature = "plant")]
 mod mqtt;
-#[cfg(feature = "plant")]
+#[cfg_attr(not(feature = "plant"), expect(dead_code, reason = "no wire looks"))]
 mod now;
 mod on_verdict;
 #[cfg(feature = "plant")]
@@ -35,15 +32,14 @@ use tapline_store::{Places, Unreported};
 use crate::config::LineConfig;
 use crate::shown::status::{ReceiverStatus, StationStatus};
 use crate::shown::verdict::CasingVerdict;
+use crate::wires::now::Now;
 use crate::wires::on_verdict::VerdictCommand;
 use crate::wires::outbox::{Outbox, Receiver};
 
 /// Whoever receives verdicts. When it is dropped, what waits is reported first, for a while; the rest is after the next start.
-#[derive(Debug)]
 pub(crate) struct Wires {
     outbox: Arc<Outbox>,
-    #[cfg(feature = "plant")]
-    now: Arc<now::Now>,
+    now: Arc<Now>,
     // Only held: both end when they are dropped.
     _command: Option<VerdictCommand>,
     #[cfg(feature = "plant")]
@@ -64,44 +60,22 @@ impl Wires {
             Outbox::open(places, is_there.iter().filter(|(_, is_so)| *is_so).map(|&(receiver, _)| receiver).collect())?;
         let command =
             config.on_verdict.as_deref().map(|command| VerdictCommand::start(command, &outbox)).transpose()?;
-        Self::with_plant(config, stations, outbox, command)
-    }
-
-    #[cfg(feature = "plant")]
-    fn with_plant(
-        config: &LineConfig,
-        stations: &[u16],
-        outbox: Arc<Outbox>,
-        command: Option<VerdictCommand>,
-    ) -> Result<(Self, Vec<String>)> {
-        let now = Arc::new(now::Now::new(stations));
-        let plant = wire::Plant { outbox: Arc::clone(&outbox), now: Arc::clone(&now), stations: stations.into() };
-        let (mut wires, mut said) = (Vec::new(), Vec::new());
-        if let Some(config) = &config.mqtt {
-            wires.push(mqtt::start(config, &plant)?);
-        }
-        if let Some(config) = &config.opcua {
-            let (wire, address) = opcua::start(config, &plant)?;
-            said.push(format!("verdicts are served over OPC UA at {address}"));
-            wires.push(wire);
-        }
-        if let Some(config) = &config.modbus {
-            let (wire, address) = modbus::start(config, &plant)?;
-            said.push(format!("verdicts are served over Modbus TCP at {address}"));
-            wires.push(wire);
-        }
-        Ok((Self { outbox, now, _command: command, _wires: wires }, said))
-    }
-
-    #[cfg(not(feature = "plant"))]
-    #[expect(clippy::unnecessary_wraps, reason = "as where there are wires")]
-    fn with_plant(
-        _: &LineConfig,
-        _: &[u16],
-        outbox: Arc<Outbox>,
-        command: Option<VerdictCommand>,
-    ) -> Result<(Self, Vec<String>)> {
-        Ok((Self { outbox, _command: command }, Vec::new()))
+        let now = Arc::new(Now::new(stations));
+        #[cfg(feature = "plant")]
+        let (wires, said) = {
+            let (outbox, now) = (Arc::clone(&outbox), Arc::clone(&now));
+            start_plant(config, &wire::Plant { outbox, now, stations: stations.into() })?
+        };
+        #[cfg(not(feature = "plant"))]
+        let said = Vec::new();
+        let started = Self {
+            outbox,
+            now,
+            _command: command,
+            #[cfg(feature = "plant")]
+            _wires: wires,
+        };
+        Ok((started, said))
     }
 
     /// Takes up the casing `number`, whose file has its name now. `None` if its verdict was reported before.
@@ -140,11 +114,7 @@ impl Wires {
     pub(crate) fn trouble(&self) -> Option<String> {
         self.outbox.trouble()
     }
-}
 
-/// What the line does; without wires nobody looks.
-#[cfg(feature = "plant")]
-impl Wires {
     /// A casing has come to `station`.
     pub(crate) fn opened(&self, station: u16) {
         self.now.opened(station);
@@ -166,13 +136,24 @@ impl Wires {
     }
 }
 
-#[cfg(not(feature = "plant"))]
-#[expect(clippy::unused_self, reason = "as where there are wires")]
-impl Wires {
-    pub(crate) fn opened(&self, _: u16) {}
-    pub(crate) fn judged(&self, _: &CasingVerdict, _: bool) {}
-    pub(crate) fn show(&self, _: &[StationStatus]) {}
-    pub(crate) fn end(&self) {}
+/// Starts the wires that `config` names, and says where what is served is found.
+#[cfg(feature = "plant")]
+fn start_plant(config: &LineConfig, plant: &wire::Plant) -> Result<(Vec<wire::Wire>, Vec<String>)> {
+    let (mut wires, mut said) = (Vec::new(), Vec::new());
+    if let Some(config) = &config.mqtt {
+        wires.push(mqtt::start(config, plant)?);
+    }
+    if let Some(config) = &config.opcua {
+        let (wire, address) = opcua::start(config, plant)?;
+        said.push(format!("verdicts are served over OPC UA at {address}"));
+        wires.push(wire);
+    }
+    if let Some(config) = &config.modbus {
+        let (wire, address) = modbus::start(config, plant)?;
+        said.push(format!("verdicts are served over Modbus TCP at {address}"));
+        wires.push(wire);
+    }
+    Ok((wires, said))
 }
 
 /// Refuses wires that this build does not have, and files of theirs that cannot be read.

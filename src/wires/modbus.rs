@@ -58,7 +58,6 @@ struct Mailbox {
 }
 
 /// All registers.
-#[derive(Debug)]
 struct Registers {
     plant: Plant,
     mailboxes: Mutex<BTreeMap<u16, Mailbox>>,

@@ -157,8 +157,7 @@ impl Runner {
             Err(error) => return Ok(Ended::Later(format!("on_verdict cannot be run now: {error}"))),
         };
         if let Some(mut input) = child.stdin.take() {
-            let mut text = serde_json::to_string(verdict)?;
-            text.push('\n');
+            let text = verdict.json() + "\n";
             // A command that does not read its input has not failed.
             if let Err(error) = input.write_all(text.as_bytes()) {
                 tracing::debug!(%error, "on_verdict does not read its input");

@@ -6,7 +6,6 @@
 //! note. What the note is about, the casing's file says.
 
 use std::collections::BTreeMap;
-use std::fmt;
 use std::fs;
 #[cfg(feature = "plant")]
 use std::ops::Bound;
@@ -96,12 +95,6 @@ pub(crate) struct Outbox {
     state: Mutex<State>,
     /// Held while notes are renamed and removed; a disk that hangs keeps only receivers waiting.
     disk: Mutex<()>,
-}
-
-impl fmt::Debug for Outbox {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Outbox").field("receivers", &self.receivers).finish_non_exhaustive()
-    }
 }
 
 impl Outbox {

@@ -23,7 +23,7 @@ pub(super) const END_WITHIN: Duration = Duration::from_millis(300);
 const GONE_AFTER: Duration = Duration::from_secs(20);
 
 /// What a wire tells of.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub(super) struct Plant {
     pub outbox: Arc<Outbox>,
     pub now: Arc<Now>,

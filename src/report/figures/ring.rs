@@ -9,8 +9,7 @@ use tapline_wire::Verdict;
 use crate::report::evidence::{Cell, Shoulder};
 use crate::report::figures::chart::WIDTH;
 use crate::report::figures::colour::{ABSENT, heat};
-use crate::report::figures::inline;
-use crate::report::figures::scale::{self, Scale};
+use crate::report::figures::{inline, scale};
 
 const HEIGHT: u32 = 466;
 const CENTER: Point = (185.0, 206.0);
@@ -26,27 +25,27 @@ const NUMBERS: f64 = 125.0;
 const GAP: f64 = 2.0;
 
 /// The map of `shoulder`, called `title`.
-pub(crate) fn svg(title: &str, shoulder: &Shoulder, scale: &Scale) -> Result<String> {
+pub(crate) fn svg(title: &str, shoulder: &Shoulder, greatest: f64) -> Result<String> {
     let svg = canvas::svg((WIDTH, HEIGHT), |area| {
         write(area, title, (8.0, 10.0), 12.0, INK, HPos::Left, true)?;
-        rings(area, shoulder, scale)?;
+        rings(area, shoulder, greatest)?;
         arcs(area, shoulder)?;
         degrees(area)?;
         words(area, shoulder)?;
         offsets(area, shoulder)?;
-        scale::bar(area, scale, 408.0)
+        scale::bar(area, greatest, shoulder.limits, 408.0)
     })?;
     Ok(inline::svg(&svg, title))
 }
 
 /// The index of all taps outside; that of each offset inside, if there are several.
-fn rings(area: &Area<'_>, shoulder: &Shoulder, scale: &Scale) -> Result<()> {
+fn rings(area: &Area<'_>, shoulder: &Shoulder, greatest: f64) -> Result<()> {
     let inner = if shoulder.offsets.is_empty() { CORE } else { INNER };
-    ring(area, shoulder, (inner, OUTER), scale, |place| shoulder.cells[place].index)?;
+    ring(area, shoulder, (inner, OUTER), greatest, |place| shoulder.cells[place].index)?;
     let width = (INNER - CORE) / shoulder.offsets.len().max(1) as f64;
     for (order, map) in (0..).zip(&shoulder.offsets) {
         let outer = INNER - f64::from(order) * width;
-        ring(area, shoulder, (outer - width, outer - GAP), scale, |place| map.index.get(place).copied().flatten())?;
+        ring(area, shoulder, (outer - width, outer - GAP), greatest, |place| map.index.get(place).copied().flatten())?;
     }
     Ok(())
 }
@@ -55,13 +54,13 @@ fn ring(
     area: &Area<'_>,
     shoulder: &Shoulder,
     (low, high): Point,
-    scale: &Scale,
+    greatest: f64,
     index: impl Fn(usize) -> Option<f64>,
 ) -> Result<()> {
     for (place, sector) in sectors(&shoulder.cells).into_iter().enumerate() {
         let mut outline = sweep(low, sector);
         outline.extend(sweep(high, sector).into_iter().rev());
-        let color = index(place).map_or(ABSENT, |index| heat(index, scale.range()));
+        let color = index(place).map_or(ABSENT, |index| heat(index, (0.0, greatest)));
         area.draw(&Polygon::new(outline, color.filled()))?;
     }
     Ok(())

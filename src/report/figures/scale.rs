@@ -17,48 +17,31 @@ const STEPS: u32 = 64;
 /// Width of a letter in the names of limits.
 const LETTER: f64 = 5.4;
 
-/// The scale that all maps of an archive share: equal colours are equal indices.
-pub(crate) struct Scale {
-    greatest: f64,
-    limits: Option<Limits>,
+/// The index at the dark end of the scale that all maps of an archive share: equal colours are equal indices. It is the highest index
+/// of the archive, or beyond the reject limits.
+pub(crate) fn greatest(evidence: &Evidence) -> f64 {
+    let cells = evidence.shoulders().flat_map(|s| s.cells.iter().filter_map(|cell| cell.index));
+    let offsets = evidence.shoulders().flat_map(|s| s.offsets.iter().flat_map(|map| map.index.iter().flatten()));
+    let limits = evidence.shoulders().filter_map(|s| s.limits.map(|limits| 1.25 * limits.reject));
+    let greatest = extent(cells.chain(offsets.copied()).chain(limits)).map_or(1.0, |(_, greatest)| greatest);
+    if greatest > 0.0 { greatest } else { 1.0 }
 }
 
-impl Scale {
-    /// From 0 to the highest index of the archive, and beyond the reject limits.
-    pub(crate) fn new(evidence: &Evidence) -> Self {
-        let cells = evidence.shoulders().flat_map(|s| s.cells.iter().filter_map(|cell| cell.index));
-        let offsets = evidence.shoulders().flat_map(|s| s.offsets.iter().flat_map(|map| map.index.iter().flatten()));
-        let limits = evidence.shoulders().filter_map(|s| s.limits.map(|limits| 1.25 * limits.reject));
-        let greatest = extent(cells.chain(offsets.copied()).chain(limits)).map_or(1.0, |(_, greatest)| greatest);
-        Self { greatest: if greatest > 0.0 { greatest } else { 1.0 }, limits: None }
-    }
-
-    /// The same scale with the limits of one shoulder on it.
-    pub(crate) fn with(&self, limits: Option<Limits>) -> Self {
-        Self { greatest: self.greatest, limits }
-    }
-
-    /// Lowest and highest index.
-    pub(crate) fn range(&self) -> (f64, f64) {
-        (0.0, self.greatest)
-    }
-}
-
-/// Draws the bar with its top at `top`. The re-inspect limit is above, the reject limit below, so that their names
-/// never overlap.
-pub(crate) fn bar(area: &Area<'_>, scale: &Scale, top: f64) -> Result<()> {
+/// Draws the bar from 0 to `greatest` with its top at `top`. The re-inspect limit is above, the reject limit below, so that their
+/// names never overlap.
+pub(crate) fn bar(area: &Area<'_>, greatest: f64, limits: Option<Limits>, top: f64) -> Result<()> {
     let bottom = top + 14.0;
-    let x_of = |index: f64| LEFT + (RIGHT - LEFT) * (index / scale.greatest).clamp(0.0, 1.0);
+    let x_of = |index: f64| LEFT + (RIGHT - LEFT) * (index / greatest).clamp(0.0, 1.0);
     for step in 0..STEPS {
-        let at_step = |step: u32| scale.greatest * f64::from(step) / f64::from(STEPS);
+        let at_step = |step: u32| greatest * f64::from(step) / f64::from(STEPS);
         let (from, to) = (at_step(step), at_step(step + 1));
-        let color = heat(0.5 * (from + to), scale.range());
+        let color = heat(0.5 * (from + to), (0.0, greatest));
         area.draw(&Rectangle::new([at((x_of(from), top)), at((x_of(to), bottom))], color.filled()))?;
     }
     write(area, "index 0", (LEFT - 5.0, 0.5 * (top + bottom)), 11.0, PALE_INK, HPos::Right, false)?;
-    let greatest = format!("{:.1}", scale.greatest);
-    write(area, &greatest, (RIGHT + 5.0, 0.5 * (top + bottom)), 11.0, PALE_INK, HPos::Left, false)?;
-    let Some(limits) = scale.limits else { return Ok(()) };
+    let highest = format!("{greatest:.1}");
+    write(area, &highest, (RIGHT + 5.0, 0.5 * (top + bottom)), 11.0, PALE_INK, HPos::Left, false)?;
+    let Some(limits) = limits else { return Ok(()) };
     for (limit, name, tip, far, words) in [
         (limits.re_inspect, "re-inspect at", top, top - 5.0, top - 11.0),
         (limits.reject, "reject at", bottom, bottom + 5.0, bottom + 12.0),

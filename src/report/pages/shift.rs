@@ -10,8 +10,7 @@ use tapline_store::Reader;
 use tapline_wire::{Discriminator, Verdict};
 
 use crate::report::evidence::{Evidence, Shoulder, Tyre};
-use crate::report::figures::scale::Scale;
-use crate::report::figures::{boxes, rounds};
+use crate::report::figures::{boxes, rounds, scale};
 use crate::report::pages::page::{self, figure, small_figure, verdict_word};
 use crate::report::pages::paper::{self, Paper};
 use crate::report::pages::rig::RigsOfShift;
@@ -165,7 +164,7 @@ fn overview(evidence: &Evidence, order: &[(&Tyre, &String)]) -> Markup {
 
 fn indices(evidence: &Evidence, order: &[(&Tyre, &String)]) -> Result<Markup> {
     let geometry = evidence.geometry;
-    let greatest = Scale::new(evidence).range().1;
+    let greatest = scale::greatest(evidence);
     let mut pictures = Vec::new();
     for (tyre, _) in order.iter().take(DRAWN_MOST) {
         for shoulders in tyre.shoulders.chunks(rounds::SHOULDERS) {

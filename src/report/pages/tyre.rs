@@ -9,8 +9,7 @@ use tapline_store::Reader;
 use tapline_wire::{Channel, Discriminator};
 
 use crate::report::evidence::{Evidence, Shoulder, Tyre, spectra};
-use crate::report::figures::scale::Scale;
-use crate::report::figures::{boxes, bscan, ring, rounds, strip, taps};
+use crate::report::figures::{boxes, bscan, ring, rounds, scale, strip, taps};
 use crate::report::pages::marks;
 use crate::report::pages::page::{self, figure, small_figure};
 use crate::report::pages::paper::{self, Paper};
@@ -77,19 +76,18 @@ fn counted<'a>(texts: impl Iterator<Item = &'a str>) -> Vec<(String, usize)> {
 /// The damage maps, and the index around the ring.
 fn maps(evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
     let geometry = evidence.geometry;
-    let scale = Scale::new(evidence);
+    let greatest = scale::greatest(evidence);
     let mut maps = Vec::new();
     for shoulder in &tyre.shoulders {
         let title = format!("{} {}", capital(side(geometry)), shoulder.number);
-        let scale = scale.with(shoulder.limits);
         maps.push(match shoulder.is_round {
-            true => ring::svg(&title, shoulder, &scale)?,
-            false => strip::svg(&title, shoulder, &scale)?,
+            true => ring::svg(&title, shoulder, greatest)?,
+            false => strip::svg(&title, shoulder, greatest)?,
         });
     }
     let curve = |shoulder: &Shoulder| {
         let title = format!("Damage index, {} {}", side(geometry), shoulder.number);
-        rounds::index(geometry, title, std::slice::from_ref(shoulder), scale.range().1)
+        rounds::index(geometry, title, std::slice::from_ref(shoulder), greatest)
     };
     let curves = tyre.shoulders.iter().map(curve).collect::<Result<Vec<_>>>()?;
     let offsets: Vec<String> =

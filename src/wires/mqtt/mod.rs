@@ -21,7 +21,6 @@ use tokio::task::LocalSet;
 use tokio::time::timeout;
 
 use crate::config::wires::MqttConfig;
-use crate::wires::message;
 use crate::wires::mqtt::client::{Client, Connection, Message, Receipt};
 use crate::wires::now::StationState;
 use crate::wires::outbox::Receiver;
@@ -181,8 +180,7 @@ impl Lane {
         while let Some(note) = outbox.next(Receiver::Mqtt, Some(self.station)) {
             let Some(verdict) = outbox.read(&note) else { continue };
             let topic = format!("{}/verdict", self.topic);
-            let payload = message::verdict(&verdict);
-            let message = Message { topic, payload, is_retained: false, expires_after_s: None };
+            let message = Message { topic, payload: verdict.json(), is_retained: false, expires_after_s: None };
             let receipt = connection.publish(&message).await?;
             if receipt == Receipt::NoSubscriber && self.needs_subscriber {
                 trouble = Some(format!("mqtt: nobody subscribes to {}, so verdicts wait", message.topic));
@@ -200,7 +198,10 @@ impl Lane {
     fn station_state(&self, station_state: &StationState) -> Message {
         // The last word of a line that has gone stays.
         let expires_after_s = (*station_state != StationState::NoSignal).then_some(STANDS_FOR_S);
-        let payload = message::station_state(self.station, station_state);
+        let verdict =
+            if let StationState::Judged(verdict) = station_state { verdict.json() } else { "null".to_owned() };
+        let (station, state) = (self.station, station_state.name());
+        let payload = format!(r#"{{"kind":"station","station":{station},"state":"{state}","verdict":{verdict}}}"#);
         Message { topic: format!("{}/now", self.topic), payload, is_retained: true, expires_after_s }
     }
 

@@ -8,7 +8,6 @@ use opcua::types::{
 use tapline_wire::Verdict;
 
 use crate::shown::verdict::CasingVerdict;
-use crate::wires::message;
 use crate::wires::opcua::names::{RESULT_NAMESPACE, id};
 
 /// 100 ns ticks from 1601, where OPC UA begins to count time, to 1970.
@@ -90,7 +89,7 @@ impl ResultMetaData {
 /// The result of a verdict.
 pub(super) fn result(verdict: &CasingVerdict) -> Variant {
     let meta_data = ExtensionObject::from_message(ResultMetaData::new(verdict));
-    let content = Some(vec![UAString::from(message::verdict(verdict)).into()]);
+    let content = Some(vec![UAString::from(verdict.json()).into()]);
     ExtensionObject::from_message(ResultData { meta_data, content }).into()
 }
 
