@@ -51,7 +51,7 @@ const SHOWN_MAX: usize = 80;
 /// What the TOML `text` of `file` says. A fault shows the line that it is in, as it names the key; what is missing is in none.
 pub(crate) fn toml<T: DeserializeOwned>(file: &Path, text: &str) -> Result<T, Error> {
     toml::from_str(text).map_err(|error| {
-        let line = error.span().filter(|at| !at.is_empty()).map(|at| line_at(text, at.start));
+        let line = error.span().filter(|at| at.end > 0).map(|at| line_at(text, at.start));
         let written = line.and_then(|line| text.lines().nth(line - 1)).map_or_else(String::new, |written| {
             let shown = written.trim().chars().take(SHOWN_MAX);
             format!(

@@ -110,7 +110,7 @@ fn bad_sets_are_put_aside_and_half_ones_waited_for() {
     assert_eq!(next(&mut folder).as_deref(), Some("D"));
     assert_eq!(names_in(&dir, "failed"), ["a"]);
     let reason = fs::read_to_string(inbox.join("failed/a").join(REASON)).unwrap();
-    assert!(reason.starts_with("scan.toml line 1: geometry is 3; it must be"), "{reason}");
+    assert!(reason.starts_with("scan.toml: missing field `channels`"), "{reason}");
     close(&mut folder, "D");
     assert_eq!(next(&mut folder), None);
     assert!(folder.waits_for().starts_with("scan.toml in ") && folder.waits_for().ends_with("inbox/b"));
