@@ -53,13 +53,11 @@ pub(crate) fn toml<T: DeserializeOwned>(file: &Path, text: &str) -> Result<T, Er
     toml::from_str(text).map_err(|error| {
         let line = error.span().filter(|at| at.end > 0).map(|at| line_at(text, at.start));
         let written = line.and_then(|line| text.lines().nth(line - 1)).map_or_else(String::new, |written| {
-            let shown = written.trim().chars().take(SHOWN_MAX);
-            format!(
-                "`{}`: ",
-                shown.map(|c| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c }).collect::<String>()
-            )
+            format!("`{}`: ", written.trim().chars().take(SHOWN_MAX).collect::<String>())
         });
         let reason = format!("{written}{}", error.message().replace('\n', ", "));
+        // A terminal would obey what the file has.
+        let reason = reason.chars().map(|c| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c }).collect();
         Error::Syntax { file: file.to_owned(), line, reason }
     })
 }
@@ -87,5 +85,13 @@ mod tests {
         let error = decode(file, b"a\nb\n\xff".to_vec()).unwrap_err().to_string();
         assert_eq!(error, "taps.csv line 3: is not UTF-8 text");
         assert_eq!(line_at("a\nb\nc", 4), 3);
+    }
+
+    /// Catches a fault of TOML without its line, and text of a file that a terminal would obey.
+    #[test]
+    fn a_fault_shows_its_line_without_control_characters() {
+        let error = toml::<toml::Table>(Path::new("s.toml"), "a = 1\nb = \u{1b}[31m\n").unwrap_err().to_string();
+        assert!(error.starts_with("s.toml line 2: `b = \u{fffd}[31m`: "), "{error}");
+        assert!(!error.chars().any(char::is_control), "{error:?}");
     }
 }

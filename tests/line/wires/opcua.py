@@ -44,6 +44,17 @@ class Events:
         """That the notifier exists; it has no value."""
 
 
+async def standing(nodes):
+    """What a station's nodes have, read one after the other."""
+    values = []
+    for node in nodes:
+        value = await node.read_data_value(raise_on_bad_status=False)
+        values.append(value.Value.Value if value.StatusCode.is_good() else value.StatusCode.name)
+    state, evaluation, result = values
+    shows = result if isinstance(result, str) else result.ResultMetaData.ResultId
+    return {"state": state, "evaluation": evaluation, "shows": shows}
+
+
 async def follow(client, arguments):
     await client.load_data_type_definitions()
     ns, own = await client.get_namespace_index(RESULT), await client.get_namespace_index(LINE)
@@ -67,17 +78,10 @@ async def follow(client, arguments):
     shown, seen = {}, set()
     while True:
         for name, nodes in stations.items():
-            values = []
-            for node in nodes:
-                value = await node.read_data_value(raise_on_bad_status=False)
-                good = value.StatusCode.is_good()
-                values.append(value.Value.Value if good else value.StatusCode.name)
-            state, evaluation, result = values
-            now = {
-                "state": state,
-                "evaluation": evaluation,
-                "shows": result if isinstance(result, str) else result.ResultMetaData.ResultId,
-            }
+            now = await standing(nodes)
+            # A verdict may come between two reads.
+            if now != await standing(nodes):
+                continue
             if shown.get(name) != now:
                 shown[name] = now
                 say(station=name, **now)
