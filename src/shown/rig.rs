@@ -6,7 +6,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 use tapline_wire::{Discriminator, Reasons};
 
-use crate::shown::whole::Whole;
+use crate::shown::whole::{SOUND_GAIN, Whole};
 
 /// How many of its last casings are looked at.
 const LAST: usize = 8;
@@ -25,9 +25,6 @@ const INCOMPLETE: Reasons = Reasons::NOT_ENDED.union(Reasons::TAPS_REFUSED).unio
 
 /// Nor do casings with damage: where a part of the ring is cracked, its level and its scatter are off by that.
 const CRACKED: Reasons = Reasons::DAMAGE;
-
-/// The sign of a microphone that hears everything louder or more quietly than it did: no verdict minds, as gain is no damage.
-pub(crate) const SOUND_GAIN: &str = "sound_gain";
 
 /// How far the level of A_1 must be from the reference's for that: 2 dB.
 const GAIN: f64 = 1.25;

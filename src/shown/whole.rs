@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 use tapline_draw::stats::median;
 use tapline_wire::{Discriminator, Judgement, Quality, Reasons};
 
-use crate::shown::rig::SOUND_GAIN;
+/// The sign of a microphone that hears everything louder or more quietly than it did: no verdict minds, as gain is no damage.
+pub(crate) const SOUND_GAIN: &str = "sound_gain";
 
 /// Flags, scatter and level of a shoulder, by name.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]

@@ -22,7 +22,8 @@ use super::ear::Ear;
 use super::{CaptureConfig, DeviceName, TriggerConfig};
 use crate::{ScanConfig, SimulatedLine, Source as _};
 
-/// Frames that are written at once; ALSA reads as many, and a pipe passes them on whole.
+/// Frames that are written at once; ALSA reads as many, and a pipe passes them on whole, as they have no more than 4096 bytes. Of a
+/// larger write it may pass on a part, and ALSA would play old samples for the rest.
 const PIECE: usize = 512;
 
 /// Taps that may be written before those before them were taken.
@@ -261,10 +262,12 @@ fn play(tap_count: usize, period: usize, bits: u16, noises: &[i32], planted: imp
             left.resize((left.len() + period).next_multiple_of(PIECE), [scan.offset * 256, 0]);
         }
         let whole = left.len() / PIECE * PIECE;
-        match pipe.write_all(&bytes_of(&left[..whole], bits)) {
-            // The ear may have heard all, and be gone, before the last silence is written.
-            Err(error) if row + 1 == tap_count && error.kind() == std::io::ErrorKind::BrokenPipe => {}
-            written => written.unwrap(),
+        for piece in left[..whole].chunks(PIECE) {
+            match pipe.write_all(&bytes_of(piece, bits)) {
+                // The ear may have heard all, and be gone, before the last silence is written.
+                Err(error) if row + 1 == tap_count && error.kind() == std::io::ErrorKind::BrokenPipe => {}
+                written => written.unwrap(),
+            }
         }
         left.drain(..whole);
         let may_wait = if row + 1 == tap_count { 0 } else { AHEAD };
