@@ -5,7 +5,7 @@
 //! - `source`: what a source of taps is
 //! - `tap_set`: folders of recordings, `simulated`: tyres that are computed
 //! - `capture`: sound cards and modules that are listened to, `rig`: casings on a rig, and a simulated rig for rehearsals
-//! - `config`, `stations`: what a configuration says of scans and stations, `text`: text files, and the lines of their faults
+//! - `config`, `stations`: what a configuration says of scans and stations
 //! - `stage`: the process `acquire` of a line
 //!
 //! ```
@@ -33,7 +33,6 @@ mod source;
 mod stage;
 mod stations;
 mod tap_set;
-mod text;
 
 #[cfg(feature = "alsa")]
 pub use capture::{Abilities, SoundCardInfo, sound_cards};

@@ -10,7 +10,7 @@ use tapline_wire::{Calibration, Certificate, Channel, ChannelCalibration, METHOD
 
 use crate::Error;
 use crate::config::refuse;
-use crate::text;
+use crate::config::text;
 
 /// Name of the file in a tap set.
 pub const CALIBRATION_FILE: &str = "calibration.toml";

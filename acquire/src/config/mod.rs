@@ -2,6 +2,7 @@
 
 pub(crate) mod calibration;
 pub(crate) mod scan_taps;
+pub(crate) mod text;
 
 use serde::{Deserialize, Serialize};
 use tapline_model::{Crack, SimulationConfig};

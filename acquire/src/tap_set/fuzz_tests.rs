@@ -10,8 +10,8 @@ use tapline_testing::mutated::mutated;
 use tapline_wire::{CacheLine, Geometry, SampleFormat, bytes_of, cache_lines_for, f32_of_mut};
 
 use crate::Error;
+use crate::config::text;
 use crate::tap_set::{scan_toml, taps_csv, truth_csv, wav};
-use crate::text;
 
 /// Cases per reader.
 const CASES: u32 = 3000;

@@ -7,12 +7,12 @@ use std::sync::OnceLock;
 
 use tapline_wire::{Calibration, Plan, PlannedTap, Recording, SampleFormat, Serial, Truth, digest_of_parts};
 
+use crate::config::text;
 use crate::tap_set::scales::Scales;
 use crate::tap_set::scan_toml::{self, ScanToml};
 use crate::tap_set::taps_csv::{self, TapRow};
 use crate::tap_set::wav::{self, WavFault, WavHeader};
 use crate::tap_set::{header, truth_csv};
-use crate::text;
 use crate::{Error, Refusal};
 
 /// Bytes at the beginning of a recording's file that identify it.

@@ -9,7 +9,7 @@ use toml::{Spanned, Value};
 
 use crate::Error;
 use crate::config::calibration::FULL_SCALE_MAX;
-use crate::text;
+use crate::config::text;
 
 /// Largest number of samples per second; far above any converter, so that times in samples stay exact.
 const SAMPLE_RATE_HZ_MAX: f64 = 1e9;
