@@ -72,7 +72,7 @@ fn killed_at_any_time_it_opens_and_goes_on() {
     let _guard = crate::common::alone();
     let plan = big_plan();
     let mut survivors = 0;
-    let trial_count = std::env::var(TRIALS).map_or(24, |count| count.parse().unwrap());
+    let trial_count = std::env::var(TRIALS).map_or(50, |count| count.parse().unwrap());
     for trial in 0..trial_count {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.h5");

@@ -46,3 +46,18 @@ pub(crate) fn sum_of_squares<T: Real>(signal: &[T]) -> f64 {
     }
     sums.iter().sum::<f64>() + rest.iter().map(|x| x.widened().powi(2)).sum::<f64>()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a sample that is left out, or counted twice, where the length is no multiple of eight.
+    #[test]
+    fn squares_of_every_length() {
+        for count in 0..40 {
+            let signal: Vec<f32> = (0..count).map(|i| i as f32 - 7.0).collect();
+            let expected: f64 = (0..count).map(|i| f64::from(i - 7).powi(2)).sum();
+            assert!((sum_of_squares(&signal) - expected).abs() < 1e-9, "{count}");
+        }
+    }
+}
