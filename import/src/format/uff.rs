@@ -229,7 +229,7 @@ fn number(text: &str) -> Result<f64, Fault> {
 
 impl Recorded for Uff {
     fn parts(&self, _depth: usize) -> Result<Vec<String>, Fault> {
-        broken("the parts of a Universal File are numbers of functions, which tell no tap: list them in a table")
+        broken("the parts of a Universal File are numbers of functions, which name no tap: list them in a table")
     }
 
     fn series(&mut self, part: &str, channel: &Pick, _time_axis: Option<u8>) -> Result<Series, Fault> {

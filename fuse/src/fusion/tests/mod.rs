@@ -13,7 +13,6 @@ mod level;
 mod off_velocity;
 mod rates;
 mod reasons;
-mod rig_faults;
 mod second_reading;
 
 /// All of `records` pushed, all scans ended.
