@@ -62,22 +62,15 @@ fn main() -> ExitCode {
 
 /// Whether `verb` draws on the terminal, where a log would stand in the picture.
 fn draws(verb: &Verb) -> bool {
-    #[cfg(feature = "alsa")]
-    if matches!(verb, Verb::Monitor { .. }) {
-        return true;
-    }
-    let _shows_text = verb;
-    false
+    cfg!(feature = "alsa") && matches!(verb, Verb::Monitor { .. })
 }
 
 /// Whether `verb` is done although nobody reads what it prints, as `head` does not: where that is all it does. `verify` also checks, and
 /// its exit code must not speak of what it did not come to. A stage reports to its line, which was killed then.
 fn is_done_unread(verb: &Verb) -> bool {
     match verb {
-        #[cfg(feature = "alsa")]
-        Verb::Devices { .. } => true,
         Verb::Export(args) => args.out.is_none(),
-        Verb::Status(_) | Verb::Config(_) | Verb::Completions { .. } | Verb::Stage(_) => true,
+        Verb::Devices { .. } | Verb::Status(_) | Verb::Config(_) | Verb::Completions { .. } | Verb::Stage(_) => true,
         Verb::Explain { .. } | Verb::Diff { .. } | Verb::Model(_) => true,
         _ => false,
     }
@@ -115,6 +108,8 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         Verb::Devices { names, json } => verbs::devices::devices(names, *json),
         #[cfg(feature = "alsa")]
         Verb::Monitor { config, station } => verbs::monitor::monitor(config, *station),
+        #[cfg(not(feature = "alsa"))]
+        Verb::Devices { .. } | Verb::Monitor { .. } => cli::built_without("ALSA", "alsa"),
         Verb::Calibrate { verb } => verbs::calibrate::calibrate(verb),
         Verb::Config(args) => match &args.check {
             Some(path) => line::check_config(path),

@@ -117,10 +117,10 @@ pub enum Error {
         file: PathBuf,
     },
     /// Not one recording of the set can be used.
-    #[error("{}: none of the {tap_count} taps can be used: {reasons}", file.display())]
+    #[error("{}: none of the {tap_count} taps can be used: {reasons}", folder.display())]
     NoUsableTap {
-        /// The list of taps.
-        file: PathBuf,
+        /// The folder of the set.
+        folder: PathBuf,
         /// Taps listed.
         tap_count: usize,
         /// The first few refusals.

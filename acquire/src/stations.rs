@@ -36,7 +36,8 @@ pub enum StationSource {
 }
 
 impl StationSource {
-    fn name(self) -> &'static str {
+    /// Name in a configuration.
+    pub fn name(self) -> &'static str {
         match self {
             Self::Folder => "folder",
             Self::Rig => "rig",

@@ -31,6 +31,12 @@ pub enum WriteError {
         /// Where.
         path: PathBuf,
     },
+    /// A file is where a folder belongs.
+    #[error("{} is a file; it must be a folder, or a name that is free", path.display())]
+    NoFolder {
+        /// Where.
+        path: PathBuf,
+    },
     /// An HDF5 file is there.
     #[error("{} is an HDF5 file, as archives are; nothing takes its place", path.display())]
     IsHdf5 {
@@ -101,8 +107,11 @@ pub fn check_writable(path: &Path, existing: Existing) -> Result<(), WriteError>
 /// Checks that files may be written into the folder `path`: it is new or empty, or what is there may be replaced.
 ///
 /// # Errors
-/// [`WriteError::Exists`].
+/// [`WriteError::NoFolder`] or [`WriteError::Exists`].
 pub fn check_folder(path: &Path, existing: Existing) -> Result<(), WriteError> {
+    if path.exists() && !path.is_dir() {
+        return Err(WriteError::NoFolder { path: path.to_owned() });
+    }
     let has_files = fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_some());
     match existing {
         Existing::Keep if has_files => Err(WriteError::Exists { path: path.to_owned() }),

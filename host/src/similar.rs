@@ -17,12 +17,16 @@ pub fn did_you_mean<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) ->
     most_like(name, known).map(|known| format!("did you mean {known:?}?"))
 }
 
-/// `did you mean "KNOWN"?` for the name that the reader of a TOML file refuses in `message`: it quotes that name, and then those
-/// it knows.
+/// `did you mean "KNOWN"?` for the name that the reader of a TOML file or a table refuses in `message`: it quotes that name, and
+/// then those it knows.
 pub fn meant_instead(message: &str) -> Option<String> {
     if let Some((before, known)) = message.split_once(" is no discriminator; there are ") {
         let name = before.trim_end_matches('"').rsplit('"').next()?;
         return did_you_mean(name, known.lines().next()?.split(", "));
+    }
+    if let Some((_, column)) = message.split_once("unknown column \"") {
+        let (name, known) = column.split_once("\"; the columns are ")?;
+        return did_you_mean(name, known.split_once(", in any order")?.0.split(','));
     }
     let refused = ["unknown field `", "unknown variant `"].iter().find_map(|begin| message.split_once(begin));
     let mut names = refused?.1.lines().next()?.split('`').step_by(2);
@@ -49,6 +53,8 @@ mod tests {
     fn what_a_file_means_is_found_in_the_refusal() {
         let refusal = "a.toml: TOML parse error at line 1\nunknown field `ofset`, expected one of `offset`, `angle`\n";
         assert_eq!(meant_instead(refusal).as_deref(), Some("did you mean \"offset\"?"));
+        let refusal = "taps.csv line 1: unknown column \"tire\"; the columns are file,tyre,shoulder, in any order";
+        assert_eq!(meant_instead(refusal).as_deref(), Some("did you mean \"tyre\"?"));
         assert_eq!(meant_instead("cannot read `ofset`, expected `offset`"), None);
     }
 }

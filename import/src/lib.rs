@@ -20,13 +20,13 @@ use std::path::{Path, PathBuf};
 use tapline_acquire::{TapRow, TapSet};
 use tapline_export::{ListedTap, Scales, TapSetWriter};
 use tapline_store::OwnedSamples;
-use tapline_wire::{Calibration, Channel, Recording, SampleFormat, TapHeader};
+use tapline_wire::{Calibration, Channel, Recording, SampleFormat, TapHeader, Unit};
 
 use crate::config::{Config, TAP_SAMPLES_MAX};
 use crate::error::{Fault, broken};
 use crate::format::Recorded;
 use crate::rows::Record;
-use crate::series::{Series, Stored, planes, si_units_of};
+use crate::series::{Series, Stored, planes};
 
 pub use error::{Error, Result};
 pub use example::write_example;
@@ -138,7 +138,7 @@ fn scales_of(all: &[(Channel, Series)], config: &Config, alike: &mut Alike) -> R
     for (channel, series) in all {
         let unit = series.unit.as_deref();
         let of_unit =
-            unit.and_then(|unit| si_units_of(*channel, unit)).map(|(si, unit)| (si * series.full_scale, unit));
+            unit.and_then(|unit| Unit::of_recording(*channel, unit)).map(|(si, unit)| (si * series.full_scale, unit));
         let scale = config.full_scale(*channel).or(of_unit);
         if let Some((full_scale, unit)) = scale {
             scales.set(*channel, Some(full_scale), unit);

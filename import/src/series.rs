@@ -1,7 +1,6 @@
 //! The samples of one channel, whatever file they come from.
 
 use tapline_store::OwnedSamples;
-use tapline_wire::{Channel, Unit};
 
 use crate::error::Fault;
 
@@ -119,24 +118,6 @@ pub(crate) fn checked_count(samples: u64) -> Result<usize, Fault> {
         Ok(count) if samples <= SAMPLES_MAX => Ok(count),
         _ => Err(Fault::TooMany { samples, most: SAMPLES_MAX }),
     }
-}
-
-/// How many newtons, volts or pascals `unit` is; `None` if it is no unit of `channel`.
-pub(crate) fn si_units_of(channel: Channel, unit: &str) -> Option<(f64, Unit)> {
-    use tapline_wire::Channel::{Force, Sound};
-    Some(match (channel, unit.trim()) {
-        (Force, "N") => (1.0, Unit::Newton),
-        (Force, "mN") => (1e-3, Unit::Newton),
-        (Force, "kN") => (1e3, Unit::Newton),
-        (Force, "lbf") => (4.448_221_615_260_5, Unit::Newton),
-        (Sound, "V") => (1.0, Unit::Volt),
-        (Sound, "mV") => (1e-3, Unit::Volt),
-        (Sound, "kV") => (1e3, Unit::Volt),
-        (Sound, "uV" | "\u{b5}V" | "\u{3bc}V") => (1e-6, Unit::Volt),
-        (Sound, "Pa") => (1.0, Unit::Pascal),
-        (Sound, "mPa") => (1e-3, Unit::Pascal),
-        _ => return None,
-    })
 }
 
 #[cfg(test)]

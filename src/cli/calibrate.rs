@@ -12,7 +12,6 @@ use crate::cli::one_of;
 #[derive(Debug, Subcommand)]
 pub(crate) enum CalibrateVerb {
     /// Force, by blows on a sensor that tells their peak.
-    #[cfg(feature = "alsa")]
     Blows {
         /// Peaks that the other sensor told, N: one for all blows, or one for each, separated by commas.
         #[arg(long, value_delimiter = ',', required = true, allow_negative_numbers = true)]
@@ -26,7 +25,6 @@ pub(crate) enum CalibrateVerb {
         written: WrittenArgs,
     },
     /// Sound, by the tone of an acoustic calibrator.
-    #[cfg(feature = "alsa")]
     Tone {
         /// Sound pressure of the tone, Pa (root of the mean square): 1.0024 is 94 dB.
         #[arg(long, allow_negative_numbers = true)]

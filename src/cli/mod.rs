@@ -61,7 +61,6 @@ pub(crate) enum Verb {
         json: bool,
     },
     /// List the sound cards that a station can listen to, and what they can record.
-    #[cfg(feature = "alsa")]
     Devices {
         /// Names of devices, as ALSA spells them; all that it lists when left out.
         names: Vec<String>,
@@ -70,7 +69,6 @@ pub(crate) enum Verb {
         json: bool,
     },
     /// Show what the sound card of a station gives: levels, the last tap, and what is found in it.
-    #[cfg(feature = "alsa")]
     Monitor {
         /// The configuration with the station.
         #[arg(long)]
@@ -226,6 +224,11 @@ pub(crate) enum ModelVerb {
     },
     /// Print what one contact does, on a rung of the ladder of models or on the cheapest that is true enough.
     Contact(ContactArgs),
+}
+
+/// Refuses what this build of the program does not have for want of a `feature`.
+pub(crate) fn built_without<T>(what: &str, feature: &str) -> anyhow::Result<T> {
+    anyhow::bail!("this program was built without {what}: build it with `--features {feature}`")
 }
 
 /// Takes one of `names`, by which configurations name a `T`.

@@ -1,8 +1,9 @@
-//! Reads a configuration; what is wrong with it is said in words of people, not of the program's types.
+//! Reads a configuration.
 
 use anyhow::{Error, Result, bail};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use tapline_acquire::toml_in_words;
 use toml::{Table, Value};
 
 /// Reads the TOML `text`.
@@ -13,7 +14,7 @@ pub(super) fn parse<T: DeserializeOwned + Serialize + Default>(text: &str) -> Re
     if let (Ok(given), Ok(known)) = (toml::from_str(text), Table::try_from(T::default())) {
         check_shapes("", &given, &known)?;
     }
-    toml::from_str(text).map_err(|error| Error::msg(in_words(&error.to_string())))
+    toml::from_str(text).map_err(|error| Error::msg(toml_in_words(&error.to_string())))
 }
 
 /// Refuses a list where a table belongs, whose values would be taken for keys by their places, and a table where a list of tables
@@ -33,31 +34,6 @@ fn check_shapes(path: &str, given: &Table, known: &Table) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// What people call the types that an error says it expected.
-const TYPES: [(&str, &str); 9] = [
-    ("u8", "a whole number from 0 to 255"),
-    ("u16", "a whole number from 0 to 65535"),
-    ("u32", "a whole number from 0 to 4294967295"),
-    ("u64", "a whole number, not below 0"),
-    ("usize", "a whole number, not below 0"),
-    ("i64", "a whole number"),
-    ("f64", "a number"),
-    ("a sequence", "a list"),
-    ("a map", "a table"),
-];
-
-/// `error` with the types in words; they are in its last line.
-fn in_words(error: &str) -> String {
-    let error = error.trim_end();
-    let (place, what) = error.rsplit_once('\n').map_or(("", error), |(place, what)| (place, what));
-    let Some((found, expected)) = what.rsplit_once("expected ") else { return error.to_owned() };
-    let of_type = || TYPES.iter().find(|(name, _)| *name == expected).map(|(_, words)| *words);
-    let expected = if expected.starts_with("struct ") { "a table" } else { of_type().unwrap_or(expected) };
-    let found = found.replace("invalid type: map", "invalid type: table");
-    let found = found.replace("invalid type: sequence", "invalid type: list");
-    format!("{place}\n{found}expected {expected}").trim_start_matches('\n').to_owned()
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ use tapline_fuse::Reference;
 use tapline_host::stdout::Stdout;
 use tapline_wire::Recording;
 
+use crate::cli::built_without;
 use crate::config::Config;
 use crate::config::job::Job;
 use crate::config::reference::{check_record_s, remark_on_bands};
@@ -70,6 +71,16 @@ pub(super) fn check_line(job: &Job) -> Result<Setup> {
             "the reference is {tyre}/{shoulder}, and a shoulder named so is one of the same casing, which no casing of a \
              line is known to have. {OTHER_REFERENCES}"
         );
+    }
+    for StationConfig { number, source, .. } in stations {
+        let is_built = match source {
+            StationSource::Alsa => cfg!(feature = "alsa"),
+            StationSource::Uldaq => cfg!(feature = "uldaq"),
+            StationSource::Folder | StationSource::Rig | StationSource::Simulated => true,
+        };
+        if !is_built {
+            return built_without(&format!("the source of station {number}"), source.name());
+        }
     }
     let setup = Setup::new(job, Arriving::Stations, &absolute(&job.out)?)?;
     let fusions = job.fusions();

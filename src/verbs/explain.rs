@@ -55,10 +55,14 @@ pub(crate) fn explain(
     let is_complete = outcome.end()?;
     match shoulder.filter(|_| explained_count == 0 && is_complete) {
         Some(name) => {
-            let meant = did_you_mean(name, others.iter().map(String::as_str));
+            let meant = shoulders_meant(name, &others);
             let example = others.first().map(|other| format!("shoulders are named like {other}"));
             let hint = meant.or(example).map_or_else(String::new, |hint| format!(": {hint}"));
-            bail!("none of the {} archives has a shoulder {name:?}{hint}", archives.files.len())
+            let of = match archives.files.len() {
+                1 => "the archive has no".to_owned(),
+                count => format!("none of the {count} archives has a"),
+            };
+            bail!("{of} shoulder {name:?}{hint}")
         }
         None => Ok(is_complete),
     }
@@ -158,12 +162,21 @@ fn name_of(scan: &Scan) -> String {
     format!("{}/{}", scan.tyre, scan.shoulder)
 }
 
+/// Which of the shoulders `known` were meant by `name`: those of a casing that is named alone, or the one most like it.
+fn shoulders_meant(name: &str, known: &[String]) -> Option<String> {
+    let of_casing = |shoulder: &&String| shoulder.rsplit_once('/').is_some_and(|(casing, _)| casing == name);
+    let of_casing: Vec<&str> = known.iter().filter(of_casing).map(String::as_str).collect();
+    match of_casing.is_empty() {
+        true => did_you_mean(name, known.iter().map(String::as_str)),
+        false => Some(format!("that casing has {}", of_casing.join(" and "))),
+    }
+}
+
 impl ShoulderExplanation {
     fn of(reader: &Reader, name: &str, location: Option<u32>) -> Result<Self> {
         let number = number_of(reader, name).with_context(|| {
             let known: Vec<String> = reader.plan().scans().iter().map(name_of).collect();
-            let meant = did_you_mean(name, known.iter().map(String::as_str));
-            let hint = meant.unwrap_or_else(|| format!("it has {}", known.join(", ")));
+            let hint = shoulders_meant(name, &known).unwrap_or_else(|| format!("it has {}", known.join(", ")));
             format!("the archive has no shoulder {name:?}: {hint}")
         })?;
         let judged = &reader.judgements()?[number];

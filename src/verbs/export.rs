@@ -15,6 +15,8 @@ use tapline_store::Reader;
 
 use crate::archives::{ArchiveProgress, Archives, Outcome};
 use crate::cli::archives::{ExportArgs, Format, What};
+#[cfg(not(feature = "parquet"))]
+use crate::cli::built_without;
 use tapline_host::stdout::Stdout;
 
 /// Formats of a table.
@@ -61,7 +63,7 @@ fn write(archives: &Archives, table: Export, format: Format, out: impl Write + S
         #[cfg(feature = "parquet")]
         Format::Parquet => TableFile::parquet(table, out),
         #[cfg(not(feature = "parquet"))]
-        Format::Parquet => bail!("this program was built without Parquet: build it with `--features parquet`"),
+        Format::Parquet => return built_without("Parquet", "parquet"),
         _ => TableFile::csv(table, out),
     };
     let mut outcome = Outcome::new(archives);

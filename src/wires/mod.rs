@@ -29,6 +29,7 @@ use std::sync::Arc;
 use anyhow::Result;
 use tapline_store::{Places, Unreported};
 
+use crate::cli::built_without;
 use crate::config::LineConfig;
 use crate::shown::status::{ReceiverStatus, StationStatus};
 use crate::shown::verdict::CasingVerdict;
@@ -161,9 +162,7 @@ pub(crate) fn check(config: &LineConfig) -> Result<()> {
     let named =
         [("mqtt", config.mqtt.is_some()), ("opcua", config.opcua.is_some()), ("modbus", config.modbus.is_some())];
     if let Some((name, _)) = named.into_iter().find(|(_, is_named)| *is_named && !cfg!(feature = "plant")) {
-        anyhow::bail!(
-            "[line.{name}]: this build of tapline has no MQTT, OPC UA or Modbus: build it with the feature `plant`"
-        );
+        return built_without(&format!("[line.{name}]"), "plant");
     }
     #[cfg(feature = "plant")]
     {

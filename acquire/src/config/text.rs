@@ -55,11 +55,36 @@ pub(crate) fn toml<T: DeserializeOwned>(file: &Path, text: &str) -> Result<T, Er
         let written = line.and_then(|line| text.lines().nth(line - 1)).map_or_else(String::new, |written| {
             format!("`{}`: ", written.trim().chars().take(SHOWN_MAX).collect::<String>())
         });
-        let reason = format!("{written}{}", error.message().replace('\n', ", "));
+        let reason = format!("{written}{}", toml_in_words(error.message()).replace('\n', ", "));
         // A terminal would obey what the file has.
         let reason = reason.chars().map(|c| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c }).collect();
         Error::Syntax { file: file.to_owned(), line, reason }
     })
+}
+
+/// What people call the types that an error says it expected.
+const TYPES: [(&str, &str); 9] = [
+    ("u8", "a whole number from 0 to 255"),
+    ("u16", "a whole number from 0 to 65535"),
+    ("u32", "a whole number from 0 to 4294967295"),
+    ("u64", "a whole number, not below 0"),
+    ("usize", "a whole number, not below 0"),
+    ("i64", "a whole number"),
+    ("f64", "a number"),
+    ("a sequence", "a list"),
+    ("a map", "a table"),
+];
+
+/// The `error` of a reader of TOML with the program's types in words; they are in its last line.
+pub fn toml_in_words(error: &str) -> String {
+    let error = error.trim_end();
+    let (place, what) = error.rsplit_once('\n').map_or(("", error), |(place, what)| (place, what));
+    let Some((found, expected)) = what.rsplit_once("expected ") else { return error.to_owned() };
+    let of_type = || TYPES.iter().find(|(name, _)| *name == expected).map(|(_, words)| *words);
+    let expected = if expected.starts_with("struct ") { "a table" } else { of_type().unwrap_or(expected) };
+    let found = found.replace("invalid type: map", "invalid type: table");
+    let found = found.replace("invalid type: sequence", "invalid type: list");
+    format!("{place}\n{found}expected {expected}").trim_start_matches('\n').to_owned()
 }
 
 /// Number of the line with byte `at` of `text`, from 1.

@@ -97,6 +97,6 @@ fn time_ns(row: &Row<'_>) -> Result<i64, Error> {
     if text.is_empty() {
         return Ok(0);
     }
-    let bound = "a whole number of ns since the Unix epoch, or empty when unknown";
-    text.parse().map_err(|_no_number| row.refuse("tap_time_ns", bound))
+    let bound = "a whole number of ns since the Unix epoch, not below 0, or empty when unknown";
+    text.parse().ok().filter(|time_ns| *time_ns >= 0).ok_or_else(|| row.refuse("tap_time_ns", bound))
 }

@@ -56,7 +56,7 @@ impl Recordings {
         let header = |row: &TapRow| header_of(dir, row, &scan).map_err(|fault| fault.to_string());
         let headers: Vec<_> = taps.iter().map(header).collect();
         if headers.iter().all(Result::is_err) {
-            return Err(no_usable_tap(taps_file, &taps, headers));
+            return Err(no_usable_tap(dir.to_owned(), &taps, headers));
         }
         let beginnings = vec![OnceLock::new(); taps.len()];
         Ok(Self { dir: dir.to_owned(), scan, scan_text, scales, taps, headers, beginnings, truth })
@@ -180,7 +180,7 @@ where
     }
 }
 
-fn no_usable_tap(file: PathBuf, rows: &[TapRow], headers: Vec<Result<WavHeader, String>>) -> Error {
+fn no_usable_tap(folder: PathBuf, rows: &[TapRow], headers: Vec<Result<WavHeader, String>>) -> Error {
     let refusals = rows.iter().zip(headers).filter_map(|(row, header)| {
         let reason = header.err()?;
         Some(Refusal { file: row.file.clone(), line: row.line, reason }.to_string())
@@ -189,5 +189,5 @@ fn no_usable_tap(file: PathBuf, rows: &[TapRow], headers: Vec<Result<WavHeader, 
     if rows.len() > REASONS_MAX {
         reasons.push_str("; ...");
     }
-    Error::NoUsableTap { file, tap_count: rows.len(), reasons }
+    Error::NoUsableTap { folder, tap_count: rows.len(), reasons }
 }

@@ -36,7 +36,7 @@ impl Scales {
                 let value = format!("{} {}", certified.0, certified.1.name());
                 refuse(&format!("{}.full_scale in {}", channel.name(), path.display()), value, &bound)?;
             }
-            let of_set = scan.full_scale(channel).or(certified).or_else(|| Some((1.0, scan.named_unit(channel)?)));
+            let of_set = scan.full_scale(channel).or(certified).or_else(|| scan.named_unit(channel));
             scales.units.push(unit_of(channel, of_set, taps_file, taps)?);
             scales.of_set.push(of_set);
         }
@@ -73,19 +73,19 @@ fn unit_of(channel: Channel, of_set: Option<FullScale>, taps_file: &Path, taps: 
     let Some(unit) = of_set.map(|(_, unit)| unit).or_else(|| stated().next().map(|(_, unit)| unit)) else {
         return Ok(Unit::FullScale);
     };
-    let other = stated().find(|(_, other)| *other != unit).map(|(tap, other)| (tap, other.name()));
-    let unstated = || recorded().find(|tap| of_set.is_none() && tap.extras.full_scale(channel).is_none());
-    match other.or_else(|| unstated().map(|tap| (tap, ""))) {
+    let is_same = |tap: &&TapRow| tap.extras.full_scale(channel).map_or(of_set.is_some(), |(_, other)| other == unit);
+    match recorded().find(|tap| !is_same(tap)) {
         None => Ok(unit),
-        Some((tap, unit_of_tap)) => Err(Error::Cell {
+        Some(tap) => Err(Error::Cell {
             file: taps_file.to_owned(),
             line: tap.line,
-            column: match channel {
-                Channel::Force => "force_full_scale_n",
-                Channel::Sound => "sound_full_scale_v or sound_full_scale_pa",
+            column: match tap.extras.full_scale(channel).map_or(unit, |(_, other)| other) {
+                Unit::Pascal => "sound_full_scale_pa",
+                Unit::Volt => "sound_full_scale_v",
+                Unit::Newton | Unit::FullScale => "force_full_scale_n",
             },
-            value: unit_of_tap.to_owned(),
-            bound: format!("in {}, as that of the other taps", unit.name()),
+            value: tap.extras.full_scale(channel).map_or_else(String::new, |(full_scale, _)| full_scale.to_string()),
+            bound: format!("a full scale in {}, as of the other taps", unit.name()),
         }),
     }
 }

@@ -30,7 +30,7 @@ pub(crate) struct ScanToml {
     pub force_full_scale: Option<FullScale>,
     pub sound_full_scale: Option<FullScale>,
     pub microphone_distance_m: f64,
-    /// Of a channel without a full scale, a unit of [`Unit`] is that of a sample of 1.
+    /// Of a channel without a full scale, a unit that [`Unit::of_recording`] has is that of a sample of 1.
     pub force_unit: Option<String>,
     /// Likewise.
     pub sound_unit: Option<String>,
@@ -68,13 +68,13 @@ impl ScanToml {
         }
     }
 
-    /// The unit that is named, where it is one of `channel`.
-    pub(crate) fn named_unit(&self, channel: Channel) -> Option<Unit> {
-        let (name, units) = match channel {
-            Channel::Force => (&self.force_unit, &[Unit::Newton][..]),
-            Channel::Sound => (&self.sound_unit, &[Unit::Volt, Unit::Pascal][..]),
+    /// What a sample of 1.0 is by the unit that is named, where it is one of `channel`.
+    pub(crate) fn named_unit(&self, channel: Channel) -> Option<FullScale> {
+        let name = match channel {
+            Channel::Force => &self.force_unit,
+            Channel::Sound => &self.sound_unit,
         };
-        Unit::from_name(name.as_deref()?).filter(|unit| units.contains(unit))
+        Unit::of_recording(channel, name.as_deref()?)
     }
 }
 
@@ -111,7 +111,7 @@ pub(crate) fn parse(file: &Path, text: &str) -> Result<ScanToml, Error> {
     // No discriminator could tell two channels of one kind apart.
     let is_repeated = |channels: &[Channel]| (1..channels.len()).any(|at| channels[..at].contains(&channels[at]));
     let channels = channels.filter(|channels| !channels.is_empty() && !is_repeated(channels)).ok_or_else(|| {
-        let bound = "a list of \"force\" and \"sound\" in the order of the WAV channels, each at most once";
+        let bound = "a list of \"force\" and \"sound\", or of one of them, in the order of the WAV channels";
         other("channels", &written.channels, bound)
     })?;
     let pre_trigger_samples = u32::try_from(*written.pre_trigger_samples.get_ref()).ok().ok_or_else(|| {
@@ -183,7 +183,10 @@ mod tests {
         let scan = parsed(&format!("{GOOD}{more}")).unwrap();
         assert_eq!(scan.full_scale(Channel::Force), Some((222.0, Unit::Newton)));
         assert_eq!(scan.full_scale(Channel::Sound), Some((5.0, Unit::Volt)));
-        assert_eq!(Channel::BOTH.map(|channel| scan.named_unit(channel)), [Some(Unit::Newton), Some(Unit::Volt)]);
+        let named = Channel::BOTH.map(|channel| scan.named_unit(channel));
+        assert_eq!(named, [Some((1.0, Unit::Newton)), Some((1.0, Unit::Volt))]);
+        let named = |unit| parsed(&format!("{GOOD}force_unit = \"{unit}\"\n")).unwrap().named_unit(Channel::Force);
+        assert_eq!((named("kN"), named("V"), named("counts")), (Some((1e3, Unit::Newton)), None, None));
         let pascals = parsed(&format!("{GOOD}sound_full_scale_pa = 20.0\n")).unwrap();
         assert_eq!(pascals.full_scale(Channel::Sound), Some((20.0, Unit::Pascal)));
     }
@@ -198,14 +201,18 @@ mod tests {
                 "line 5: `sample_rate = 1`: unknown field `sample_rate`, expected one of `geometry`, `channels`, ",
             ),
             ("= 512", "= -1", "line 4: pre_trigger_samples is -1; it must be a whole number from 0 to 4294967295"),
-            ("= 512", "= 5.5", "line 4: `pre_trigger_samples = 5.5`: invalid type: floating point `5.5`, expected i64"),
+            (
+                "= 512",
+                "= 5.5",
+                "line 4: `pre_trigger_samples = 5.5`: invalid type: floating point `5.5`, expected a whole number",
+            ),
             ("= 40960", "= 0", "line 3: sample_rate_hz is 0.0; it must be a number from 1 to 1000000000"),
             ("= 40960", "= nan", "line 3: sample_rate_hz is NaN"),
             ("= 40960", "= inf", "line 3: sample_rate_hz is inf"),
             (
                 "= 40960",
                 "= \"fast\"",
-                "line 3: `sample_rate_hz = \"fast\"`: invalid type: string \"fast\", expected f64",
+                "line 3: `sample_rate_hz = \"fast\"`: invalid type: string \"fast\", expected a number",
             ),
             ("\"ring\"", "\"disc\"", "line 1: geometry is \"disc\"; it must be \"ring\" or \"line\""),
             ("\"force\", \"sound\"", "\"force\", \"light\"", "line 2: channels is [\"force\", \"light\"]; it must be"),

@@ -1,4 +1,7 @@
 //! CSV tables whose columns have fixed names and any order.
+//!
+//! Cells are separated as in the header: by commas, semicolons or tabs. Spreadsheets write semicolons where a comma is the
+//! decimal sign; between semicolons or tabs, numbers may have it.
 
 use std::path::Path;
 
@@ -10,6 +13,7 @@ use crate::Error;
 #[derive(Debug)]
 struct Table<'a> {
     file: &'a Path,
+    separator: u8,
     /// Name and position of every column that exists.
     places: Vec<(&'static str, usize)>,
 }
@@ -34,8 +38,10 @@ pub fn read_rows<E: From<Error>>(
     (columns, optional): (&'static [&'static str], &'static [&'static str]),
     mut take: impl FnMut(&Row<'_>) -> Result<(), E>,
 ) -> Result<(), E> {
-    let mut reader =
-        csv::ReaderBuilder::new().has_headers(false).flexible(true).trim(csv::Trim::All).from_reader(text.as_bytes());
+    let separator = separator(text);
+    let mut builder = csv::ReaderBuilder::new();
+    builder.delimiter(separator).has_headers(false).flexible(true).trim(csv::Trim::All);
+    let mut reader = builder.from_reader(text.as_bytes());
     let mut lines = Lines { text: text.as_bytes(), at: 0, line: 1 };
     let mut record = StringRecord::new();
     let mut table: Option<Table<'_>> = None;
@@ -47,16 +53,22 @@ pub fn read_rows<E: From<Error>>(
             reason: e.to_string(),
         })?;
         match &table {
-            None => table = Some(Table::new(file, (columns, optional), &record, line)?),
+            None => table = Some(Table::new((file, separator), (columns, optional), &record, line)?),
             _ if !is_row => return Ok(()),
             Some(table) => take(&Row::new(table, &record, line)?)?,
         }
     }
 }
 
+/// The separator of the header of `text`.
+fn separator(text: &str) -> u8 {
+    let header = text.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
+    [b',', b';', b'\t'].into_iter().find(|&separator| header.as_bytes().contains(&separator)).unwrap_or(b',')
+}
+
 impl<'a> Table<'a> {
     fn new(
-        file: &'a Path,
+        (file, separator): (&'a Path, u8),
         (columns, optional): (&'static [&'static str], &'static [&'static str]),
         header: &StringRecord,
         line: usize,
@@ -83,7 +95,7 @@ impl<'a> Table<'a> {
             .map(|column| place_of(column).ok_or_else(|| refuse("missing", column)))
             .collect::<Result<Vec<_>, _>>()?;
         places.extend(optional.iter().filter_map(|column| place_of(column)));
-        Ok(Self { file, places })
+        Ok(Self { file, separator, places })
     }
 }
 
@@ -147,7 +159,10 @@ impl<'a> Row<'a> {
         if text.is_empty() {
             return Ok(None);
         }
-        let number: Option<f64> = text.parse().ok();
+        let number: Option<f64> = match self.table.separator {
+            b',' => text.parse().ok(),
+            _ => text.replace(',', ".").parse().ok(),
+        };
         number.filter(|&n| (n > low || is_low_in && n >= low) && n <= high).map(Some).ok_or_else(|| {
             let from = if is_low_in { format!("from {low} to") } else { format!("above {low} and at most") };
             self.refuse(column, format!("a number {from} {high}, or empty when unknown"))
@@ -202,6 +217,26 @@ mod tests {
         let text = "\r\na , b\r\n1,2\r\n\r\n\r\n3,\"4\n4\"\r\n5,6";
         assert_eq!(parsed(text).unwrap(), [row(3, "1", "2"), row(6, "3", "4\n4"), row(8, "5", "6")]);
         assert_eq!(parsed("a,b\n").unwrap(), []);
+    }
+
+    /// Catches a table of a spreadsheet that is refused, a decimal comma that splits a cell, and thousands taken for decimals.
+    #[test]
+    fn spreadsheets_separate_by_semicolons_or_tabs() {
+        assert_eq!(parsed("b;a\n2;1\n").unwrap(), [row(2, "1", "2")]);
+        assert_eq!(parsed("\nb\ta\n2,5\t\n").unwrap(), [row(3, "", "2,5")]);
+        let numbers = |text: &str| {
+            let mut numbers = Vec::new();
+            read_rows(Path::new("t.csv"), text, (COLUMNS, &[]), |row| -> Result<(), Error> {
+                numbers.push(row.number("a", (0.0, true), 10.0)?);
+                Ok(())
+            })
+            .map(|()| numbers)
+        };
+        assert_eq!(numbers("a;b\n1,5;\n2.5;\n;\n").unwrap(), [Some(1.5), Some(2.5), None]);
+        for wrong in ["a;b\n1.001,5;\n", "a,b\n\"1,5\",\n"] {
+            let error = numbers(wrong).unwrap_err().to_string();
+            assert!(error.contains("line 2: a is \"1"), "{error}");
+        }
     }
 
     /// Catches a header or row that is accepted although it does not fit.

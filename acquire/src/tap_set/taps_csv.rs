@@ -304,14 +304,14 @@ mod tests {
         );
         let parsed = |rows: &str| parse(Path::new("taps.csv"), &format!("{header}{rows}"), Geometry::Ring);
         let rows = parsed(
-            "a.wav,T,1,,,0,0,0,7,2,closing,-5,222,5,,0.05,\n,T,1,,,1,360,0,7,,scan,,,,,,no wire\nc.wav,T,1,,,2,360,1,7,,,,,,,,\n",
+            "a.wav,T,1,,,0,0,0,7,2,closing,5,222,5,,0.05,\n,T,1,,,1,360,0,7,,scan,,,,,,no wire\nc.wav,T,1,,,2,360,1,7,,,,,,,,\n",
         );
         let rows = rows.unwrap();
         let first = Extras {
             station: Some(7),
             attempt: 2,
             purpose: Some(Purpose::Closing),
-            tap_time_ns: -5,
+            tap_time_ns: 5,
             force_full_scale_n: Some(222.0),
             sound_full_scale_v: Some(5.0),
             sound_full_scale_pa: None,
@@ -334,6 +334,7 @@ mod tests {
             ("a.wav,T,1,,,0,0,0,,64,,,,,,,", "attempt is \"64\"; it must be a whole number from 0 to 63"),
             ("a.wav,T,1,,,0,0,0,,,2,,,,,,", "purpose is \"2\""),
             ("a.wav,T,1,,,0,0,0,,,,1.5,,,,,", "tap_time_ns is \"1.5\"; it must be a whole number of ns"),
+            ("a.wav,T,1,,,0,0,0,,,,-1,,,,,", "tap_time_ns is \"-1\""),
             ("a.wav,T,1,,,0,0,0,,,,,0,,,,", "force_full_scale_n is \"0\"; it must be a number above 0"),
             ("a.wav,T,1,,,0,0,0,,,,,,nan,,,", "sound_full_scale_v is \"nan\""),
             ("a.wav,T,1,,,0,0,0,,,,,,,-2,,", "sound_full_scale_pa is \"-2\""),

@@ -218,10 +218,9 @@ fn a_set_without_one_good_recording_is_an_error() {
         fs::remove_file(dir.path().join(name)).unwrap();
     }
     let error = error_of(&dir);
-    assert!(error.ends_with(
-        "taps.csv: none of the 3 taps can be used: a.wav (taps.csv line 2): the file does not exist; \
-         b.wav (taps.csv line 3): the file does not exist; c.wav (taps.csv line 4): the file does not exist"
-    ));
+    let reasons = "a.wav (taps.csv line 2): the file does not exist; b.wav (taps.csv line 3): the file does not exist; \
+                   c.wav (taps.csv line 4): the file does not exist";
+    assert_eq!(error, format!("{}: none of the 3 taps can be used: {reasons}", dir.path().display()));
 }
 
 /// Catches a fault of the tables that is ignored, or reported without its file.
@@ -300,14 +299,14 @@ fn what_an_archive_knows_comes_back() {
     fs::write(dir.path().join("taps.csv"), format!("{header}{rows}")).unwrap();
     let error = TapSet::open(dir.path(), 1).unwrap_err().to_string();
     assert!(
-        error.contains("line 3: force_full_scale_n is \"\"; it must be in N, as that of the other taps"),
+        error.contains("line 3: force_full_scale_n is \"\"; it must be a full scale in N, as of the other taps"),
         "{error}"
     );
     let scan = dir.path().join("scan.toml");
     let scaled = fs::read_to_string(&scan).unwrap() + "force_full_scale_n = 3.0\nsound_full_scale_pa = 4.0\n";
     fs::write(&scan, &scaled).unwrap();
     let error = TapSet::open(dir.path(), 1).unwrap_err().to_string();
-    assert!(error.contains("line 2: sound_full_scale_v or sound_full_scale_pa is \"V\"; it must be in Pa"), "{error}");
+    assert!(error.contains("line 2: sound_full_scale_v is \"65536\"; it must be a full scale in Pa"), "{error}");
     fs::write(&scan, scaled.replace("_pa", "_v")).unwrap();
     let mut set = open(&dir);
     assert_eq!(set.plan().stations(), [3]);

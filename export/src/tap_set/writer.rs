@@ -113,7 +113,7 @@ impl TapSetWriter {
             recording.pre_trigger_samples,
         );
         for (name, value) in OWN_COLUMNS.iter().zip(self.scales.unwrap_or_default().values()) {
-            if let Some(value) = value.filter(|value| value.is_finite()) {
+            if let Some(value) = value.filter(|value| value.is_finite() && *value > 0.0) {
                 text += &format!("{name} = {value:?}\n");
             }
         }

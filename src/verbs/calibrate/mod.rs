@@ -27,6 +27,8 @@ pub(crate) fn calibrate(verb: &CalibrateVerb) -> Result<bool> {
         CalibrateVerb::Tone { known_pa, frequency_hz, listen_s, heard, written } => {
             keep(written, Channel::Sound, heard::tone(*known_pa, *frequency_hz, *listen_s, heard)?)
         }
+        #[cfg(not(feature = "alsa"))]
+        CalibrateVerb::Blows { .. } | CalibrateVerb::Tone { .. } => crate::cli::built_without("ALSA", "alsa"),
         CalibrateVerb::State { channel, full_scale_v, sensitivity_mv, gain, written } => {
             keep(written, *channel, stated(*channel, *full_scale_v, *sensitivity_mv, *gain)?)
         }

@@ -32,6 +32,24 @@ impl Unit {
     pub fn is_known(self) -> bool {
         self != Self::FullScale
     }
+
+    /// How many newtons, volts or pascals a recording's unit `name` is; `None` if it is no unit of `channel`.
+    pub fn of_recording(channel: Channel, name: &str) -> Option<(f64, Self)> {
+        use crate::Channel::{Force, Sound};
+        Some(match (channel, name.trim()) {
+            (Force, "N") => (1.0, Self::Newton),
+            (Force, "mN") => (1e-3, Self::Newton),
+            (Force, "kN") => (1e3, Self::Newton),
+            (Force, "lbf") => (4.448_221_615_260_5, Self::Newton),
+            (Sound, "V") => (1.0, Self::Volt),
+            (Sound, "mV") => (1e-3, Self::Volt),
+            (Sound, "kV") => (1e3, Self::Volt),
+            (Sound, "uV" | "\u{b5}V" | "\u{3bc}V") => (1e-6, Self::Volt),
+            (Sound, "Pa") => (1.0, Self::Pascal),
+            (Sound, "mPa") => (1e-3, Self::Pascal),
+            _ => return None,
+        })
+    }
 }
 
 /// Where the scale of a channel comes from.
