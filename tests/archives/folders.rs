@@ -151,7 +151,8 @@ fn a_damaged_file_among_many_is_named_and_the_others_are_done() {
     sandbox.run("export out/SIM-0002.h5 verdicts").expect(1);
 }
 
-/// Catches results that count beside their archives, and newest results that are not found.
+/// Catches results that count beside their archives, newest results that are not found, a casing that is named without its shoulder
+/// and gets no help, and a file that is taken for the folder of pages.
 #[test]
 fn results_are_taken_when_they_are_asked_for() {
     let sandbox = scanned();
@@ -176,6 +177,10 @@ fn results_are_taken_when_they_are_asked_for() {
     sandbox.run("reprocess out --reference sound.json").expect(0);
     assert_eq!(csv_rows(&sandbox.run("export out verdicts --results").expect(0).out), after);
     assert!(sandbox.run("explain out --shoulder SIM-0009/1").expect(1).err.contains("none of the 3 archives"));
+    let meant = "SIM-0002\": that casing has SIM-0002/1 and SIM-0002/2";
+    assert!(sandbox.run("explain out --shoulder SIM-0002").expect(1).err.contains(meant));
+    let refusal = sandbox.run("report out --out sound.json").expect(1).err;
+    assert!(refusal.contains("sound.json is a file; it must be a folder"), "{refusal}");
     assert!(sandbox.run("diff out sound.json").expect(3).out.contains("without a partner"));
 }
 
