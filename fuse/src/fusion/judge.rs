@@ -229,7 +229,8 @@ impl<'a> View<'a> {
 
     /// Whether the places of the shoulder differ from one another more than those of sound ones do.
     ///
-    /// Less tells so of one that would not pass: by its own casing it does not pass either.
+    /// A shoulder with an arc that reaches the re-inspect limit needs to scatter less for that: compared with its own casing it does not
+    /// pass either.
     pub(super) fn scatters_more(&self, re_inspect_rate: f64) -> bool {
         let Some(limits) = &self.fitted.scatter_limits else { return false };
         let is_called = || !self.arcs(self.fitted.limits.at(re_inspect_rate)).is_empty();
