@@ -18,16 +18,18 @@ pub enum Error {
         /// What it must be.
         bound: &'static str,
     },
-    /// A band ends at or below its beginning.
-    #[error("process.{key} = {value} Hz: must be above process.{bound_key} = {bound} Hz")]
-    EmptyBand {
-        /// Key of the band's upper edge.
+    /// A band ends at or below its beginning, or PR's band reaches beyond its reference.
+    #[error("process.{key} = {value} Hz: must be {relation} process.{bound_key} = {bound} Hz")]
+    Band {
+        /// Key of the edge.
         key: &'static str,
-        /// Upper edge given, Hz.
+        /// Edge given, Hz.
         value: f64,
-        /// Key of the band's lower edge.
+        /// Where it must lie.
+        relation: &'static str,
+        /// Key of the other edge.
         bound_key: &'static str,
-        /// Lower edge given, Hz.
+        /// The other edge, Hz.
         bound: f64,
     },
 }

@@ -161,11 +161,11 @@ fn options_of(config: &ProcessConfig) -> Result<String> {
 /// What is doubtful about analysing taps that are recorded so: a band goes on where their spectrum has ended.
 pub(crate) fn remark_on_bands(config: &ProcessConfig, recording: &Recording) -> Option<String> {
     let half_hz = recording.sample_rate_hz / 2.0;
-    let (key, edge_hz) = [("f_hi_hz", config.f_hi_hz), ("f_top_hz", config.f_top_hz)]
-        .into_iter()
-        .find(|(_, edge_hz)| *edge_hz > half_hz)?;
-    let has_sound = recording.channels.contains(&Channel::Sound);
-    has_sound.then(|| format!("process.{key} = {edge_hz} Hz: the band ends at {half_hz} Hz, half the sample rate"))
+    let (f_top_hz, rate_hz) = (config.f_top_hz, recording.sample_rate_hz);
+    let is_beyond = f_top_hz > half_hz && recording.channels.contains(&Channel::Sound);
+    is_beyond.then(|| {
+        format!("process.f_top_hz = {f_top_hz} Hz: the band ends at {half_hz} Hz, half the sample rate of {rate_hz} Hz")
+    })
 }
 
 /// Checks that the analysed beginning of each record reaches beyond its trigger.
@@ -261,7 +261,7 @@ mod tests {
         );
         let force_alone = Recording { channels: vec![Channel::Force], ..longer.clone() };
         let high = ProcessConfig { f_top_hz: 20_481.0, ..config };
-        let remark = "process.f_top_hz = 20481 Hz: the band ends at 20480 Hz, half the sample rate";
+        let remark = "process.f_top_hz = 20481 Hz: the band ends at 20480 Hz, half the sample rate of 40960 Hz";
         assert_eq!(remark_on_bands(&high, &longer).as_deref(), Some(remark));
         assert_eq!((remark_on_bands(&config, &longer), remark_on_bands(&high, &force_alone)), (None, None));
     }

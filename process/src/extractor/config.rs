@@ -91,11 +91,15 @@ impl ProcessConfig {
         check("record_s", self.record_s, " s", self.record_s >= 0.0, "not below 0")?;
         let droop_s = self.droop_time_constant_s;
         check("droop_time_constant_s", droop_s, " s", droop_s >= 0.0, "not below 0")?;
-        let band = |key, value, bound_key, bound| {
-            if value > bound { Ok(()) } else { Err(Error::EmptyBand { key, value, bound_key, bound }) }
+        let Self { f_c_hz, f_hi_hz, f_lo_hz, f_top_hz, .. } = *self;
+        let band = |key, value, (is_good, relation), bound_key, bound| {
+            if is_good { Ok(()) } else { Err(Error::Band { key, value, relation, bound_key, bound }) }
         };
-        band("f_hi_hz", self.f_hi_hz, "f_c_hz", self.f_c_hz)?;
-        band("f_top_hz", self.f_top_hz, "f_lo_hz", self.f_lo_hz)?;
+        band("f_hi_hz", f_hi_hz, (f_hi_hz > f_c_hz, "above"), "f_c_hz", f_c_hz)?;
+        band("f_top_hz", f_top_hz, (f_top_hz > f_lo_hz, "above"), "f_lo_hz", f_lo_hz)?;
+        // PR is a part of a whole (Eq. 52).
+        band("f_c_hz", f_c_hz, (f_c_hz >= f_lo_hz, "at or above"), "f_lo_hz", f_lo_hz)?;
+        band("f_hi_hz", f_hi_hz, (f_hi_hz <= f_top_hz, "at or below"), "f_top_hz", f_top_hz)?;
         self.quality.validate()
     }
 
@@ -154,7 +158,7 @@ mod tests {
         assert!(toml::from_str::<ProcessConfig>("tau = \"width_2\"").is_err());
     }
 
-    /// Catches a check that accepts an empty band, or that names the wrong key.
+    /// Catches a check that accepts an empty band, or PR's beyond its reference, or that names the wrong key.
     #[test]
     fn refusals_name_key_value_and_bound() {
         let good = ProcessConfig::default();
@@ -167,6 +171,16 @@ mod tests {
             message(ProcessConfig { f_lo_hz: 5000.0, ..good }),
             "process.f_top_hz = 3000 Hz: must be above process.f_lo_hz = 5000 Hz"
         );
+        assert_eq!(
+            message(ProcessConfig { f_lo_hz: 600.0, ..good }),
+            "process.f_c_hz = 550 Hz: must be at or above process.f_lo_hz = 600 Hz"
+        );
+        assert_eq!(
+            message(ProcessConfig { f_hi_hz: 60_000.0, ..good }),
+            "process.f_hi_hz = 60000 Hz: must be at or below process.f_top_hz = 3000 Hz"
+        );
+        let edges = ProcessConfig { f_lo_hz: 550.0, f_hi_hz: 3000.0, ..good };
+        assert_eq!(edges.validate(), Ok(()));
         assert_eq!(
             message(ProcessConfig { f_c_hz: f64::NAN, ..good }),
             "process.f_c_hz = NaN Hz: must be finite and above 0"
