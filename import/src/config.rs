@@ -6,7 +6,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
-use tapline_acquire::TriggerConfig;
+use tapline_acquire::{SAMPLE_RATE_HZ_MAX, TriggerConfig};
 use tapline_wire::{Channel, Geometry, Unit};
 
 use crate::error::{Error, Result};
@@ -100,7 +100,7 @@ impl Config {
 
     fn check(&self) -> Result<(), String> {
         let positive = f64::MIN_POSITIVE..=1e12;
-        in_bounds("sample_rate_hz", self.sample_rate_hz, 1.0..=1e9)?;
+        in_bounds("sample_rate_hz", self.sample_rate_hz, 1.0..=SAMPLE_RATE_HZ_MAX)?;
         in_bounds("force_full_scale_n", self.force_full_scale_n, positive.clone())?;
         in_bounds("sound_full_scale_v", self.sound_full_scale_v, positive.clone())?;
         in_bounds("sound_full_scale_pa", self.sound_full_scale_pa, positive)?;

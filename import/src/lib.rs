@@ -17,7 +17,7 @@ mod series;
 
 use std::path::{Path, PathBuf};
 
-use tapline_acquire::{TapRow, TapSet};
+use tapline_acquire::{SAMPLE_RATE_HZ_MAX, TapRow, TapSet};
 use tapline_export::{ListedTap, Scales, TapSetWriter};
 use tapline_store::OwnedSamples;
 use tapline_wire::{Calibration, Channel, Recording, SampleFormat, TapHeader, Unit};
@@ -174,8 +174,8 @@ fn rate_of(all: &[(Channel, Series)], config: &Config, alike: &mut Alike) -> Res
             let bound = format!("by {of} it is {known_hz} Hz");
             return Err(Fault::Contradiction { what: "the sample rate", value: format!("{rate_hz} Hz"), bound });
         }
-        if !(1.0..=1e9).contains(&rate_hz) {
-            let bound = "it must be from 1 to 1000000000 Hz".to_owned();
+        if !(1.0..=SAMPLE_RATE_HZ_MAX).contains(&rate_hz) {
+            let bound = format!("it must be from 1 to {SAMPLE_RATE_HZ_MAX} Hz");
             return Err(Fault::Contradiction { what: "the sample rate", value: format!("{rate_hz} Hz"), bound });
         }
         alike.sample_rate_hz.get_or_insert(config.sample_rate_hz.unwrap_or(rate_hz));

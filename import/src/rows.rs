@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Component, Path, PathBuf};
 
-use tapline_acquire::{TapRow, tap_rows};
+use tapline_acquire::{TEXT_COLUMNS, TapRow, separator, tap_columns, tap_rows};
 use tapline_wire::csv_cell;
 
 use crate::config::{Config, TAPS_MAX, TapPlan, text_of};
@@ -164,14 +164,26 @@ impl List {
         let is_table =
             |file: &PathBuf| file.canonicalize().ok().is_some_and(|file| Some(file) == table.canonicalize().ok());
         let files: Vec<&PathBuf> = files.iter().filter(|file| !is_table(file)).collect();
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
+        let separator = separator(&text);
+        let mut reader =
+            csv::ReaderBuilder::new().delimiter(separator).trim(csv::Trim::All).from_reader(text.as_bytes());
         let syntax = |error: csv::Error| refuse(error.position().map(csv::Position::line), error.to_string());
         let header = reader.headers().map_err(syntax)?.clone();
+        let known = [&["part"], &tap_columns()[..]].concat();
+        if let Some(column) = header.iter().find(|column| !known.contains(column)) {
+            let known = known.join(",");
+            let reason = format!("unknown column {column:?}; the columns are {known}, in any order");
+            return Err(refuse(header.position().map(csv::Position::line), reason));
+        }
         let mut used = BTreeSet::new();
         for record in reader.records() {
             let record = record.map_err(syntax)?;
             let line = record.position().map(csv::Position::line);
-            let mut cells: Cells = header.iter().zip(&record).map(|(n, v)| (n.to_owned(), v.to_owned())).collect();
+            let cell = |(column, text): (&str, &str)| {
+                let has_comma = separator != b',' && column != "part" && !TEXT_COLUMNS.contains(&column);
+                (column.to_owned(), if has_comma { text.replace(',', ".") } else { text.to_owned() })
+            };
+            let mut cells: Cells = header.iter().zip(&record).map(cell).collect();
             let part = cells.remove("part").unwrap_or_default();
             let name = tapline_wire::csv_text(&cells.remove("file").unwrap_or_default()).to_owned();
             // A list of an export names taps without a recording too.

@@ -68,7 +68,7 @@ fn faults_of_the_configuration_are_told() {
         ("sound = 2", "sound = 3", &["A_1_0.wav: has no channel number 3 (from 1); it has \"1\", \"2\""]),
         ("sound = 2", "sound = \"mic\"", &["A_1_0.wav: has no channel \"mic\"; it has \"1\", \"2\""]),
         ("sound = 2", "sound = 0", &["has no channel number 0"]),
-        ("= 4", "= 4\nsample_rate_hz = 0", &["sample_rate_hz is 0; it must be from 1 to 1000000000"]),
+        ("= 4", "= 4\nsample_rate_hz = 0", &["sample_rate_hz is 0; it must be from 1 to 500000000"]),
         (
             "= 4",
             "= 4\nsample_rate_hz = 44100",
@@ -141,7 +141,10 @@ fn faults_of_a_table_are_told() {
             "file,location\na.wav,0\nb.wav,0\n",
             &["taps.csv line 3: is the tap tyre A shoulder 1", "again, after line 2"],
         ),
-        ("file,location,colour\na.wav,0,red\nb.wav,1,red\n", &["taps.csv: unknown column \"colour\""]),
+        (
+            "file,location,colour\na.wav,0,red\nb.wav,1,red\n",
+            &["taps.csv line 1: unknown column \"colour\"; the columns are part,file,"],
+        ),
         ("file,location\na.wav\n", &["taps.csv line 2: "]),
         ("file,location,part\na.wav,0,x\nb.wav,1,\n", &["a WAV has no parts, and so no \"x\""]),
         ("", &["taps.csv"]),
@@ -154,6 +157,17 @@ fn faults_of_a_table_are_told() {
             Err(_) => case.fails(parts),
         }
     }
+}
+
+/// Catches a table of a spreadsheet whose semicolons or decimal commas are not read.
+#[test]
+fn a_table_may_have_semicolons_and_decimal_commas() {
+    let config = "table = \"taps.csv\"\nchannels = { force = 1, sound = 2 }\npre_trigger_samples = 4\ntap = { tyre = \"A\", shoulder = 1 }\n";
+    let case = Case::new(config, &["a.wav", "b.wav"]);
+    fs::write(case.path("taps.csv"), "file;location;offset_mm\na.wav;0;2,5\nb.wav;1;2.5\n").unwrap();
+    assert_eq!(case.import().unwrap().written, 2);
+    let listed = fs::read_to_string(case.path("set/taps.csv")).unwrap();
+    assert_eq!(listed.lines().skip(1).filter(|row| row.contains(",A,1,2.5,")).count(), 2, "{listed}");
 }
 
 /// Catches one recording that cannot be read and stops all others, or is left out without a word; and one of another rate.

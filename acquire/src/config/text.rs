@@ -77,9 +77,12 @@ const TYPES: [(&str, &str); 9] = [
 
 /// The `error` of a reader of TOML with the program's types in words; they are in its last line.
 pub fn toml_in_words(error: &str) -> String {
-    let error = error.trim_end();
-    let (place, what) = error.rsplit_once('\n').map_or(("", error), |(place, what)| (place, what));
-    let Some((found, expected)) = what.rsplit_once("expected ") else { return error.to_owned() };
+    let error = error.trim_end().replace(
+        "invalid socket address syntax",
+        "it must be an IP address with a port, as 127.0.0.1:4840, not the name of a host",
+    );
+    let (place, what) = error.rsplit_once('\n').map_or(("", &*error), |(place, what)| (place, what));
+    let Some((found, expected)) = what.rsplit_once("expected ") else { return error };
     let of_type = || TYPES.iter().find(|(name, _)| *name == expected).map(|(_, words)| *words);
     let expected = if expected.starts_with("struct ") { "a table" } else { of_type().unwrap_or(expected) };
     let found = found.replace("invalid type: map", "invalid type: table");

@@ -11,8 +11,8 @@ use crate::Error;
 use crate::config::calibration::FULL_SCALE_MAX;
 use crate::config::text;
 
-/// Largest number of samples per second; far above any converter, so that times in samples stay exact.
-const SAMPLE_RATE_HZ_MAX: f64 = 1e9;
+/// Largest number of samples per second: the head of a WAV has 32 bits for the bytes per second of two channels of floats.
+pub const SAMPLE_RATE_HZ_MAX: f64 = 5e8;
 
 /// A stated full scale: its value and the unit that it is in.
 pub(crate) type FullScale = (f64, Unit);
@@ -206,7 +206,7 @@ mod tests {
                 "= 5.5",
                 "line 4: `pre_trigger_samples = 5.5`: invalid type: floating point `5.5`, expected a whole number",
             ),
-            ("= 40960", "= 0", "line 3: sample_rate_hz is 0.0; it must be a number from 1 to 1000000000"),
+            ("= 40960", "= 0", "line 3: sample_rate_hz is 0.0; it must be a number from 1 to 500000000"),
             ("= 40960", "= nan", "line 3: sample_rate_hz is NaN"),
             ("= 40960", "= inf", "line 3: sample_rate_hz is inf"),
             (

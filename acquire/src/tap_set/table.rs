@@ -60,8 +60,8 @@ pub fn read_rows<E: From<Error>>(
     }
 }
 
-/// The separator of the header of `text`.
-fn separator(text: &str) -> u8 {
+/// The separator of the cells of the table `text`: that of its header.
+pub fn separator(text: &str) -> u8 {
     let header = text.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
     [b',', b';', b'\t'].into_iter().find(|&separator| header.as_bytes().contains(&separator)).unwrap_or(b',')
 }
@@ -149,12 +149,10 @@ impl<'a> Row<'a> {
     }
 
     /// The number in `column`; `None` if the cell is empty. `low` itself is only allowed if `is_low_in`.
-    pub(crate) fn number(
-        &self,
-        column: &'static str,
-        (low, is_low_in): (f64, bool),
-        high: f64,
-    ) -> Result<Option<f64>, Error> {
+    ///
+    /// # Errors
+    /// A cell that has none from `low` to `high`.
+    pub fn number(&self, column: &'static str, (low, is_low_in): (f64, bool), high: f64) -> Result<Option<f64>, Error> {
         let text = self.text(column);
         if text.is_empty() {
             return Ok(None);

@@ -12,6 +12,14 @@ use crate::tap_set::table::{Row, read_rows};
 const COLUMNS: &[&str] =
     &["file", "tyre", "shoulder", "offset_mm", "velocity_m_per_s", "location", "angle_deg", "repetition"];
 
+/// Columns of `taps.csv` that hold text; all others hold numbers.
+pub const TEXT_COLUMNS: [&str; 4] = ["file", "tyre", "purpose", "refused"];
+
+/// All columns of `taps.csv`.
+pub fn tap_columns() -> Vec<&'static str> {
+    [COLUMNS, extras::COLUMNS].concat()
+}
+
 /// Largest location; far above any scan, and one more is still a number.
 pub(crate) const LOCATION_MAX: u32 = 999_999;
 

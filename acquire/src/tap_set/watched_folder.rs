@@ -70,12 +70,13 @@ impl FolderArrivals {
     /// # Errors
     /// [`Error::Unwatchable`] if the folder, or those for finished sets, cannot be created.
     pub fn open(folder: &Path, station: u16) -> Result<Self, Error> {
-        if !folder.exists() {
-            // It may be a slip of who wrote the name.
-            tracing::warn!("station {station}: the folder {} was not there, and is made", folder.display());
-        }
+        let was_there = folder.exists();
         for part in [folder.to_owned(), folder.join(DONE), folder.join(FAILED)] {
             fs::create_dir_all(&part).map_err(|source| Error::Unwatchable { station, part, source })?;
+        }
+        if !was_there {
+            // It may be a slip of who wrote the name.
+            tracing::warn!("station {station}: the folder {} was not there, and is made", folder.display());
         }
         Ok(Self {
             folder: folder.to_owned(),

@@ -178,7 +178,7 @@ fn wav<T: hound::Sample + Copy>(
     planes: &[T],
 ) -> Result<(), hound::Error> {
     let channel_count = recording.channels.len();
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 1 to 1e9, and if not, the limit")]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 1 to 5e8, and if not, the limit")]
     let spec = WavSpec {
         channels: u16::try_from(channel_count).unwrap_or(u16::MAX),
         sample_rate: recording.sample_rate_hz.round() as u32,

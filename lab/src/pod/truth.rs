@@ -202,14 +202,7 @@ fn read_row(row: &TableRow<'_>) -> Result<(Shoulder, Option<Crack>), Error> {
         let refused = stated.map(|column| row.refuse(column, "empty where location_count is 0 (sound)"));
         return refused.map_or(Ok((shoulder, None)), Err);
     }
-    let size_of = |text: &str| text.parse().ok().filter(|size: &f64| *size > 0.0 && *size <= SIZE_MAX_MM);
-    let size_mm = match row.text("size_mm") {
-        "" => None,
-        text => Some(
-            size_of(text)
-                .ok_or_else(|| row.refuse("size_mm", "a number above 0 and at most 10000, in mm, or empty"))?,
-        ),
-    };
+    let size_mm = row.number("size_mm", (0.0, false), SIZE_MAX_MM)?;
     let first_location = row.needed("first_location", 0, u32::MAX)?;
     Ok((shoulder, Some(Crack { first_location, location_count, size_mm, line: row.line() })))
 }
@@ -261,14 +254,8 @@ mod tests {
     #[test]
     fn what_is_wrong_is_named() {
         for (rows, expected) in [
-            (
-                "A,1,3,2,-2\n",
-                "line 2: size_mm is \"-2\"; it must be a number above 0 and at most 10000, in mm, or empty",
-            ),
-            (
-                "A,1,3,2,NaN\n",
-                "line 2: size_mm is \"NaN\"; it must be a number above 0 and at most 10000, in mm, or empty",
-            ),
+            ("A,1,3,2,-2\n", "line 2: size_mm is \"-2\"; it must be a number above 0 and at most 10000, or empty"),
+            ("A,1,3,2,NaN\n", "line 2: size_mm is \"NaN\"; it must be a number above 0 and at most 10000, or empty"),
             ("A,0,3,2,\n", "line 2: shoulder is \"0\"; it must be a whole number from 1 to 65535"),
             ("A,1,-3,2,\n", "line 2: first_location is \"-3\"; it must be a whole number from 0 to 4294967295"),
             (
