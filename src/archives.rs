@@ -94,7 +94,11 @@ impl Archives {
         let here = Folder::list(folder)?;
         let chosen = match which {
             Which::Casings => here.sorted().archives,
-            Which::Results => here.sorted().newest_results(),
+            Which::Results => {
+                let sorted = here.sorted();
+                sorted.without_results(folder).iter().for_each(|remark| tracing::warn!("{remark}"));
+                sorted.newest_results()
+            }
             Which::All => here.finished,
         };
         if chosen.is_empty() && (which != Which::All || here.unfinished.is_empty()) {

@@ -76,7 +76,10 @@ pub async fn answer(question: &Question, out: &mut impl Write) -> Result<()> {
     let files = find(places, question.is_results).await?;
     let context = engine.connect().await?;
     register(&context, &files, usize::from(*files_per_task))?;
-    let frame = context.sql(&question.sql).await.with_context(|| format!("cannot plan {:?}", question.sql))?;
+    let frame = context.sql(&question.sql).await.with_context(|| {
+        let tables: Vec<&str> = Export::ALL.into_iter().map(sql_name).collect();
+        format!("cannot plan {:?} over the tables {}", question.sql, tables.join(", "))
+    })?;
     check_copies(frame.logical_plan(), engine)?;
     let schema = Arc::clone(frame.schema().inner());
     let mut rows = frame.execute_stream().await.with_context(|| engine.at())?;

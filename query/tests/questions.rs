@@ -89,7 +89,8 @@ fn what_cannot_be_asked_is_said() {
     let refusal = |arguments: &[&str]| sandbox.run(arguments).expect(1).err;
     let err = refusal(&["sql", "SELECT damage FROM damage", "in"]);
     assert!(
-        err.contains("cannot plan \"SELECT damage FROM damage\"") && err.contains("No field named damage"),
+        err.contains("cannot plan \"SELECT damage FROM damage\" over the tables discriminators, ")
+            && err.contains("No field named damage"),
         "{err}"
     );
     let err = refusal(&["sql", "SELECT 1", "nowhere"]);

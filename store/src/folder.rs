@@ -107,6 +107,15 @@ impl Sorted {
         }
         newest.into_values().map(|(_, path)| path.to_owned()).collect()
     }
+
+    /// What is to be said where only the results in `folder` are taken: how many of its archives have none. `None` if all have some.
+    pub fn without_results(&self, folder: &Path) -> Option<String> {
+        let with: BTreeSet<&Path> = self.results.iter().map(|results| results.archive.as_path()).collect();
+        let (with, all) = (with.len(), self.archives.len());
+        let folder = folder.display();
+        (0 < with && with < all)
+            .then(|| format!("{folder}: {} of {all} archives have no results and are left out", all - with))
+    }
 }
 
 fn entries(folder: &Path) -> Result<Vec<DirEntry>> {
@@ -179,6 +188,8 @@ mod tests {
         let casings = ["2026-11-23/A.0123456789ab.h5", "2026-11-23/B.h5", "2026-11-24/A.h5", "C.2.h5", "C.h5"];
         assert_eq!(names(&sorted.archives), casings);
         assert_eq!(names(&sorted.newest_results()), ["C.0123456789ab.h5"]);
+        let remark = sorted.without_results(Path::new("all")).unwrap();
+        assert_eq!(remark, "all: 4 of 5 archives have no results and are left out");
         assert_eq!(names(&here.unfinished), ["left/E.18.h5", "open/D.17.h5"]);
         let refusal = Folder::list(&folder.path().join("nowhere")).unwrap_err().to_string();
         assert!(refusal.starts_with("cannot read ") && refusal.contains("nowhere"), "{refusal}");

@@ -8,6 +8,7 @@ use std::time::SystemTime;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use serde::{Deserialize, Serialize};
+use tapline_host::messages::print_line;
 use tapline_store::{Folder, LEFT_FOLDER, OPEN_FOLDER, archive_of};
 
 use super::objects::{self, Object};
@@ -118,6 +119,9 @@ fn in_folder(folder: &Path, is_results: bool) -> Result<Vec<CasingFile>> {
     let absolute = folder.canonicalize().with_context(|| format!("cannot read {}", folder.display()))?;
     ensure!(absolute.is_dir(), "{} is no folder", folder.display());
     let sorted = Folder::list(&absolute)?.sorted();
+    if let Some(remark) = sorted.without_results(folder).filter(|_| is_results) {
+        print_line(&format!("tapline-query: {remark}"));
+    }
     let chosen = if is_results { sorted.newest_results() } else { sorted.archives };
     let file = |path: PathBuf| {
         let name = path.strip_prefix(&absolute).unwrap_or(&path);
