@@ -94,4 +94,4 @@ package: packaged
 
 # Speed against accuracy of everything that can be chosen, measured on this machine: docs/atlas.
 atlas: setup
-	cargo run --release -p tapline-lab -- chart
+	cargo run --release -p tapline-lab -- chart --force

@@ -45,7 +45,8 @@ fn panels_are_measured_and_drawn() {
     assert_eq!(errors(&written), errors(&run("second")));
 }
 
-/// Catches a panel that is misspelt and silently left out, and some panels that replace the whole atlas.
+/// Catches a panel that is misspelt and silently left out, some panels that replace the whole atlas, and a folder of others that is
+/// written into.
 #[test]
 fn a_part_of_the_panels_is_named_and_put_elsewhere() {
     let sandbox = Sandbox::new();
@@ -54,4 +55,8 @@ fn a_part_of_the_panels_is_named_and_put_elsewhere() {
     let refused = sandbox.run("chart --quick --panel spectrum");
     assert!(refused.expect(1).err.contains("some panels alone do not replace docs/atlas"));
     assert!(!sandbox.path("docs").exists());
+    std::fs::create_dir(sandbox.path("mine")).unwrap();
+    std::fs::write(sandbox.path("mine/README.md"), "mine").unwrap();
+    let refused = sandbox.run("chart --quick --panel spectrum --out mine");
+    assert!(refused.expect(1).err.contains("mine exists already: name another, or replace it by --force"));
 }

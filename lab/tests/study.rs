@@ -134,5 +134,5 @@ fn committed_numbers_keep_their_limits() {
 #[test]
 fn too_few_tyres_are_refused() {
     let done = Sandbox::new().run("study --quick --tyres 7").expect(1);
-    assert!(done.err.contains("--tyres is 7; at least 8 are needed"), "{done:?}");
+    assert!(done.err.contains("--tyres is 7; it must be from 8"), "{done:?}");
 }

@@ -17,11 +17,12 @@ mod table;
 mod words;
 
 use std::cell::{OnceCell, RefCell};
-use std::fs;
 use std::io::{self, Write as _};
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result, bail, ensure};
+use tapline_host::arguments::ForceArgs;
+use tapline_host::atomic_file::{check_folder, write_texts};
 
 use self::casings::Group;
 use self::panel::{Panel, Skipped};
@@ -49,6 +50,9 @@ pub struct ChartArgs {
     /// Folder of recorded tap sets; what needs them is left out, with a notice, where they are not there.
     #[arg(long, default_value = "../shared/data")]
     pub recordings: PathBuf,
+    /// Whether files that are there are replaced.
+    #[command(flatten)]
+    pub force: ForceArgs,
 }
 
 /// What panels measure with.
@@ -95,6 +99,7 @@ pub fn chart(args: &ChartArgs) -> Result<()> {
             bail!("--panel without --out: some panels alone do not replace docs/atlas; name a folder for them")
         }
     };
+    check_folder(&folder, args.force.existing())?;
     let wanted = wanted(&args.panel)?;
     let bench = Bench::new(args, &wanted);
     if wanted.iter().any(|entry| entry.uses_casings) {
@@ -111,11 +116,8 @@ pub fn chart(args: &ChartArgs) -> Result<()> {
         }
     }
     let files = files(&panels, &bench.skipped.borrow(), &Provenance::here(args.seed, args.quick))?;
-    fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
-    for (name, text) in files {
-        let path = folder.join(name);
-        fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
-    }
+    let files: Vec<_> = files.into_iter().map(|(name, text)| (folder.join(name), text)).collect();
+    write_texts(&files, args.force.existing())?;
     bench.progress.end();
     print_defaults(&panels)?;
     Ok(())

@@ -69,7 +69,8 @@ fn defaults_are_on_their_fronts() {
 
 fn quick_bench(wanted: &[&Entry]) -> Bench {
     let recordings = tapline_testing::shared("").unwrap_or_default();
-    Bench::new(&ChartArgs { out: None, seed: 1, quick: true, panel: Vec::new(), recordings }, wanted)
+    let force = tapline_host::arguments::ForceArgs::default();
+    Bench::new(&ChartArgs { out: None, seed: 1, quick: true, panel: Vec::new(), recordings, force }, wanted)
 }
 
 /// Catches a change of a kernel that takes a default off its front, or a rival ahead of it, without the atlas being drawn again: errors are

@@ -8,6 +8,7 @@ use crate::evaluation::{GAUGE_COLUMNS, Reading, Table, crossed_cells, one_way_ce
 use crate::statistics::{Crossed, Gauge, OneWay, Refusal, crossed, one_way};
 
 use super::archives::{Scanned, Scans};
+use super::roc::SAME_LIMIT;
 
 /// Parts that AIAG wants.
 const PARTS: usize = 10;
@@ -169,7 +170,7 @@ impl Design {
         }
         let limits = || shoulders.iter().flatten().flat_map(|scans| scans.iter()).map(|scan| scan.result.limit);
         let range = limits().min_by(f64::total_cmp).zip(limits().max_by(f64::total_cmp));
-        let differ = range.filter(|(low, high)| high - low > 1e-9 * high.abs());
+        let differ = range.filter(|(low, high)| high > &((1.0 + SAME_LIMIT) * low));
         let limits = differ.map(|(low, high)| (format!("{low:.3}"), format!("{high:.3}")));
         Self { readings, part_count, repeat_count, left_out, limits }
     }

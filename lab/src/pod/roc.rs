@@ -5,7 +5,7 @@ use crate::evaluation::{Areas, FALSE_ALARMS, FoundAt, Table, cell, ends};
 use super::inspected::InspectedShoulder;
 
 /// Limits of shoulders that differ by more than this part have other references.
-const SAME_LIMIT: f64 = 0.01;
+pub(super) const SAME_LIMIT: f64 = 0.01;
 
 /// One curve.
 #[derive(Debug)]

@@ -148,7 +148,7 @@ fn hum() -> Curve {
         title: "Hum of 50 Hz on both channels",
         x_label: "Hum amplitude / peak",
         is_x_log: true,
-        sentence: "The bands begin at 70 Hz, and an integer number of periods of 50 Hz does not leak into them. Force and areas change, A_2 first.",
+        sentence: "The bands begin at 70 Hz, and an integer number of periods of 50 Hz, as in the 0.4 s of these taps, does not leak into them. Force and areas change, A_2 first.",
         columns: names(),
         rows: disturbed(decades(1e-4, 0.3, 15), |x| on_both(x, |samples, x| add_hum(samples, x, 50.0, 1.0))),
     }

@@ -63,6 +63,8 @@ pub struct StudyArgs {
 /// Tyres of a set when nothing else is asked for.
 const TYRES: usize = 16;
 const TYRES_QUICK: usize = 8;
+/// Most tyres of a set: some days of work.
+const TYRES_MAX: usize = 10_000;
 
 /// Steps of a study that are done with the first set alone: detection, false calls, gauge.
 const PARTS_OF_ONE_SET: usize = 3;
@@ -100,7 +102,10 @@ struct Findings {
 /// Too few tyres, threads that cannot be started, a computation that fails, or an error of the file system.
 pub fn study(args: &StudyArgs) -> Result<()> {
     let tyres = args.tyres.unwrap_or(if args.quick { TYRES_QUICK } else { TYRES });
-    ensure!(tyres >= 8, "--tyres is {tyres}; at least 8 are needed, for two sound and two cracked ones to be judged");
+    ensure!(
+        (8..=TYRES_MAX).contains(&tyres),
+        "--tyres is {tyres}; it must be from 8, of which two sound and two cracked ones are judged, to {TYRES_MAX}"
+    );
     let size = if args.quick { Size::quick(tyres) } else { Size::full_study(tyres) };
     if let Some(folder) = &args.out {
         check_folder(folder, args.force.existing())?;
