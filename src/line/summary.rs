@@ -10,7 +10,7 @@ use tapline_host::colour::Colour;
 use tapline_host::messages::counted;
 use tapline_host::table::{break_last_column, table};
 use tapline_store::Reader;
-use tapline_wire::{Discriminator, Ledger, Quality, Reasons, TapState, Verdict};
+use tapline_wire::{Discriminator, Ledger, Quality, Reasons, TapState};
 
 use crate::config::job::Job;
 use crate::config::reference::KeptReferences;
@@ -321,20 +321,18 @@ fn print_verdicts(out: &mut impl io::Write, verdicts: &[ShoulderVerdict], rig: &
     let remarks = Reasons::REMARKS.difference(Reasons::FLAGGED);
     let remarks = Reasons::ALL.iter().filter(|(reason, _)| verdicts.len() > 1 && remarks.contains(*reason));
     let common: Vec<&str> = remarks.map(|&(_, name)| name).filter(|name| holds_for_all(name)).collect();
-    let mut table = table(["shoulder", "verdict", "arcs", "strongest / limit", "at", "why"]);
+    let mut table = table(["shoulder", "verdict", "arcs", "strongest / limits", "at", "why"]);
     let below = |station| -> Vec<&str> {
         rig.iter().filter(|sign| sign.station == station).map(|sign| sign.sign.name.as_str()).collect()
     };
-    let of = |arc: f64, limit: Option<f64>| limit.map_or(format!("{arc:.2}"), |limit| format!("{arc:.2} / {limit:.2}"));
     for line in verdicts {
         table.add_row([
             format!("{}/{}", line.tyre, line.shoulder),
             line.verdict.to_string(),
             line.regions.to_string(),
-            // The limit of PASS, or of REJECT where that is the verdict.
-            line.strongest_arc.map_or_else(String::new, |arc| match line.verdict {
-                Verdict::Reject => of(arc, line.limit_reject),
-                _ => of(arc, line.limit_re_inspect),
+            line.strongest_arc.map_or_else(String::new, |arc| match (line.limit_re_inspect, line.limit_reject) {
+                (Some(re_inspect), Some(reject)) => format!("{arc:.2} / {re_inspect:.2}, {reject:.2}"),
+                _ => format!("{arc:.2}"),
             }),
             line.peak_location.map_or_else(String::new, |l| l.to_string()),
             // Parted by spaces, at which lines are broken.

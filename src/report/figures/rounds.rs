@@ -37,8 +37,8 @@ pub(crate) fn along(shoulders: &[Shoulder]) -> Axis {
     Axis::from_to("location", (first - 0.5, last + 0.5), 8)
 }
 
-/// The damage index of at most [`SHOULDERS`] shoulders of a tyre, with their limits; the axis has room for `greatest`.
-pub(crate) fn index(geometry: Geometry, title: String, shoulders: &[Shoulder], greatest: f64) -> Result<String> {
+/// The damage index of at most [`SHOULDERS`] shoulders of a tyre, with their limits; the axis is of the `range` of all.
+pub(crate) fn index(geometry: Geometry, title: String, shoulders: &[Shoulder], range: (f64, f64)) -> Result<String> {
     let keys = CURVES.iter().zip(shoulders).map(|(&(color, stroke), shoulder)| Key {
         words: format!("{} {}", words::side(geometry), shoulder.number),
         color,
@@ -46,15 +46,13 @@ pub(crate) fn index(geometry: Geometry, title: String, shoulders: &[Shoulder], g
     });
     let limit = |words: &str, color| Key { words: words.to_owned(), color, stroke: Stroke::Limit };
     let limits = [limit("reject", INK), limit("re-inspect", ORANGE)];
-    let lowest = shoulders.iter().flat_map(|s| s.cells.iter().filter_map(|cell| cell.index));
-    let lowest = extent(lowest.chain([0.0])).map_or(0.0, |(lowest, _)| lowest);
     let sheet = Sheet {
         height: 214,
         title,
         keys: keys.chain(limits).collect(),
         ramp: None,
         x: along(shoulders),
-        y: Axis::around("damage index", (lowest, greatest), 6),
+        y: Axis::around("damage index", range, 6),
     };
     sheet.svg(|chart| {
         if let [alone] = shoulders {

@@ -27,6 +27,12 @@ pub(crate) fn greatest(evidence: &Evidence) -> f64 {
     if greatest > 0.0 { greatest } else { 1.0 }
 }
 
+/// The lowest and the highest index that the curves of all shoulders have room for.
+pub(crate) fn range(evidence: &Evidence) -> (f64, f64) {
+    let cells = evidence.shoulders().flat_map(|s| s.cells.iter().filter_map(|cell| cell.index));
+    (extent(cells.chain([0.0])).map_or(0.0, |(lowest, _)| lowest), greatest(evidence))
+}
+
 /// Draws the bar from 0 to `greatest` with its top at `top`. The re-inspect limit is above, the reject limit below, so that their
 /// names never overlap.
 pub(crate) fn bar(area: &Area<'_>, greatest: f64, limits: Option<Limits>, top: f64) -> Result<()> {

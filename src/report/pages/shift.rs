@@ -15,7 +15,7 @@ use crate::report::pages::page::{self, figure, small_figure, verdict_word};
 use crate::report::pages::paper::{self, Paper};
 use crate::report::pages::rig::RigsOfShift;
 use crate::report::pages::tyre::boxes_words;
-use crate::report::pages::words::{body, side};
+use crate::report::pages::words::{LIMITS, body, side};
 
 /// Most tyres whose index is drawn.
 const DRAWN_MOST: usize = 60;
@@ -164,17 +164,17 @@ fn overview(evidence: &Evidence, order: &[(&Tyre, &String)]) -> Markup {
 
 fn indices(evidence: &Evidence, order: &[(&Tyre, &String)]) -> Result<Markup> {
     let geometry = evidence.geometry;
-    let greatest = scale::greatest(evidence);
+    let range = scale::range(evidence);
     let mut pictures = Vec::new();
     for (tyre, _) in order.iter().take(DRAWN_MOST) {
         for shoulders in tyre.shoulders.chunks(rounds::SHOULDERS) {
             let title = format!("{} {}: {}", body(geometry), tyre.serial, tyre.verdict());
-            pictures.push(rounds::index(geometry, title, shoulders, greatest)?);
+            pictures.push(rounds::index(geometry, title, shoulders, range)?);
         }
     }
     let what = html! {
         strong { "The damage index along every " (side(geometry)) ", all on one scale, with the limits of the verdicts." }
-        " A location above the dotted black line is damage, one above the orange line is suspect; gaps are locations without value."
+        " " (LIMITS) " Gaps are locations without value."
         @if order.len() > DRAWN_MOST { " Drawn are the " (DRAWN_MOST) " worst of " (order.len()) "." }
     };
     Ok(html! { section { h2 { "Damage index" } (figure(pictures, &what)) } })

@@ -13,7 +13,7 @@ use crate::report::figures::{boxes, bscan, ring, rounds, scale, strip, taps};
 use crate::report::pages::marks;
 use crate::report::pages::page::{self, figure, small_figure};
 use crate::report::pages::paper::{self, Paper};
-use crate::report::pages::words::{body, side};
+use crate::report::pages::words::{LIMITS, body, side};
 
 /// The page of `tyre`.
 pub(crate) fn page(reader: &Reader, evidence: &Evidence, tyre: &Tyre) -> Result<String> {
@@ -87,7 +87,7 @@ fn maps(evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
     }
     let curve = |shoulder: &Shoulder| {
         let title = format!("Damage index, {} {}", side(geometry), shoulder.number);
-        rounds::index(geometry, title, std::slice::from_ref(shoulder), greatest)
+        rounds::index(geometry, title, std::slice::from_ref(shoulder), scale::range(evidence))
     };
     let curves = tyre.shoulders.iter().map(curve).collect::<Result<Vec<_>>>()?;
     let offsets: Vec<String> =
@@ -114,7 +114,7 @@ fn maps(evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
     };
     let how = html! {
         strong { "The index along the " (side(geometry)) ", with the limits of the verdict." }
-        " A location above the dotted black line is damage, one above the orange line is suspect; gaps are locations without value. Shaded: the regions."
+        " " (LIMITS) " Gaps are locations without value. Shaded: the regions."
     };
     Ok(html! {
         section { h2 { "Damage map" } (figure(maps, &what)) }

@@ -2,6 +2,10 @@
 
 use tapline_wire::{Geometry, Reasons, Verdict};
 
+/// What the limits are of, beside a curve of the index.
+pub(crate) const LIMITS: &str = "The dotted lines are the limits of the strongest arc: black to reject, orange to re-inspect. The index takes a \
+     location with its two neighbours, so a longer arc may reach a limit that no location reaches.";
+
 /// What one scan covers.
 pub(crate) fn side(geometry: Geometry) -> &'static str {
     match geometry {

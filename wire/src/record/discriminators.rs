@@ -140,7 +140,7 @@ discriminators! {
     }
     /// Spectral centroid of the sound, Hz; none of the source's seven.
     Centroid {
-        name: "centroid", column: "centroid_hz", unit: UnitOf::Fixed("Hz", 1.0, "Hz"), symbol: "f_s", printed: "f_s",
+        name: "centroid", column: "centroid_hz", unit: UnitOf::Fixed("Hz", 1.0, "Hz"), symbol: "centroid", printed: "centroid",
         meaning: "spectral centroid of the sound", feature: Feature::SoundSpectrum, channels: &[Channel::Sound],
         direction: Direction::Rises,
     }

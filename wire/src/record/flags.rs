@@ -83,11 +83,11 @@ flags! {
 flags! {
     /// Why a verdict is not PASS, or how it was reached.
     Reasons {
-        DAMAGE = 0, "damage": "The damage index of at least one region exceeds the reject limit.";
+        DAMAGE = 0, "damage": "The strongest arc of at least one region reaches the reject limit.";
         SUSPECT = 1, "suspect":
-            "The damage index of at least one region lies between the re-inspect limit and the reject limit.";
+            "The strongest arc of at least one region lies between the re-inspect limit and the reject limit.";
         NOT_ENDED = 2, "not_ended": "The scan did not end: what is shown is what there was by then.";
-        TAPS_REFUSED = 3, "taps_refused": "Taps were refused: their records could not be used.";
+        TAPS_REFUSED = 3, "taps_refused": "Taps were refused: they have no record that can be used.";
         TAPS_MISSING = 4, "taps_missing": "Planned taps are missing without a reason.";
         LOCATION_BLIND = 5, "location_blind":
             "At least one location has no usable value, or a part of the ring was not tapped: damage there would not show.";
