@@ -91,5 +91,5 @@ pub(crate) struct StageArgs {
 
 #[cfg(feature = "serve")]
 fn address(text: &str) -> Result<SocketAddr, &'static str> {
-    text.parse().ok().ok_or("must be an address and a port, as 127.0.0.1:8088")
+    text.parse().ok().ok_or("must be an IP address with a port, as 127.0.0.1:8088, not the name of a host")
 }

@@ -98,7 +98,7 @@ struct ShoulderDifference {
     reasons_after: Option<String>,
     /// Locations whose damage index differs.
     locations_differ: usize,
-    /// By how much at most.
+    /// By how much at most, of those that have one in both.
     index_max: Option<f64>,
 }
 
@@ -194,7 +194,7 @@ impl ShoulderDifference {
             reasons_before: reasons(a),
             reasons_after: reasons(b),
             locations_differ: differences.len(),
-            index_max: differences.into_iter().max_by(f64::total_cmp),
+            index_max: differences.into_iter().filter(|difference| difference.is_finite()).max_by(f64::total_cmp),
         }
     }
 }
@@ -206,7 +206,10 @@ impl fmt::Display for Difference {
             writeln!(f, "           {key}: {before} -> {after}")?;
         }
         if !self.is_raw_same {
-            writeln!(f, "           the recordings differ, in their samples or in what is noted with them")?;
+            writeln!(
+                f,
+                "           the recordings differ: in their samples, or in the time, velocity or scale of a tap"
+            )?;
         }
         if !self.is_recorded_alike {
             writeln!(f, "           sample rate, time before the trigger, channels, units or angles differ")?;
@@ -247,12 +250,11 @@ impl fmt::Display for ShoulderDifference {
         {
             write!(f, ", reasons {was} -> {is}")?;
         }
+        let locations = counted(self.locations_differ, "location", "locations");
         match self.index_max {
-            None => f.write_str(", index the same"),
-            Some(largest) => {
-                let locations = counted(self.locations_differ, "location", "locations");
-                write!(f, ", index differs at {locations}, by {largest:.2e} at most")
-            }
+            None if self.locations_differ == 0 => f.write_str(", index the same"),
+            None => write!(f, ", index at {locations} in one of them alone"),
+            Some(largest) => write!(f, ", index differs at {locations}, by {largest:.2e} at most"),
         }
     }
 }

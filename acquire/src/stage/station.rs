@@ -271,7 +271,10 @@ impl Station {
                 format!("casing {name} was half tapped when the line stopped; it is judged by the taps that came");
             tracing::warn!("{text}");
             self.alarms.push_back((RecordKind::Alarm, text));
-            outlet.give_up(number, "the casing was taken away before its scan was complete")?;
+            outlet.give_up(
+                number,
+                "the line was stopped before the scan was complete, and the casing did not come back",
+            )?;
         }
         Ok(())
     }

@@ -56,7 +56,8 @@ pub(super) fn lock_refused(path: &Path, error: Errno) -> String {
     let name = path.join(LOCK);
     match error {
         Errno::LOOP => format!("{} is a link, which no line makes: remove it", name.display()),
-        Errno::ACCESS => format!("{} is of a line of another user", name.display()),
+        Errno::ACCESS if name.exists() => format!("{} is of a line of another user", name.display()),
+        Errno::ACCESS => format!("cannot write into {}: permission denied", path.display()),
         Errno::NXIO => format!("{} is no ordinary file: remove it", name.display()),
         error => format!("cannot open {}: {error}", name.display()),
     }

@@ -42,7 +42,7 @@ impl Supervisor<'_> {
             if !self.is_list {
                 tracing::warn!(
                     casing = unreported.name,
-                    "exactly these recordings were judged before: {}",
+                    "is not judged again, as exactly these recordings were judged before: {}",
                     unreported.file.display()
                 );
             }

@@ -396,6 +396,6 @@
     if (isLive && performance.now() - receivedAt > SILENT_AFTER_MS) lose('The line shows nothing');
     else if (status) show();
   }, 1000);
-  show();
+  setTimeout(() => { if (!status) show(); }, SILENT_AFTER_MS);
   connect();
 })();

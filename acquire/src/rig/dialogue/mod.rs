@@ -268,7 +268,7 @@ impl Dialogue {
     pub(super) fn log_fault(&mut self, reason: &str) {
         if self.fault.as_deref() != Some(reason) {
             let LinkConfig { station, address, .. } = &self.config;
-            tracing::warn!("station {station}: the connection to the rig at {address} is lost: {reason}; trying again");
+            tracing::warn!("station {station}: there is no connection to the rig at {address}: {reason}; trying again");
             self.fault = Some(reason.to_owned());
             // Without a casing a rig may be off. One that comes and goes is told once until it has made a tap.
             if let Some(current) = &mut self.current
