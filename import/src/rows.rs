@@ -180,7 +180,7 @@ impl List {
             let record = record.map_err(syntax)?;
             let line = record.position().map(csv::Position::line);
             let cell = |(column, text): (&str, &str)| {
-                let has_comma = separator != b',' && column != "part" && !TEXT_COLUMNS.contains(&column);
+                let has_comma = separator == b';' && column != "part" && !TEXT_COLUMNS.contains(&column);
                 (column.to_owned(), if has_comma { text.replace(',', ".") } else { text.to_owned() })
             };
             let mut cells: Cells = header.iter().zip(&record).map(cell).collect();

@@ -72,16 +72,6 @@ pub(super) fn check_line(job: &Job) -> Result<Setup> {
              line is known to have. {OTHER_REFERENCES}"
         );
     }
-    for StationConfig { number, source, .. } in stations {
-        let is_built = match source {
-            StationSource::Alsa => cfg!(feature = "alsa"),
-            StationSource::Uldaq => cfg!(feature = "uldaq"),
-            StationSource::Folder | StationSource::Rig | StationSource::Simulated => true,
-        };
-        if !is_built {
-            return built_without(&format!("the source of station {number}"), source.name());
-        }
-    }
     let setup = Setup::new(job, Arriving::Stations, &absolute(&job.out)?)?;
     let fusions = job.fusions();
     check_calibrations(job)?;
@@ -103,6 +93,16 @@ pub(super) fn check_line(job: &Job) -> Result<Setup> {
                 fusions.remark_on_conditions(&plan).iter().for_each(|text| tracing::warn!("{text}"));
             }
             None => check_record_s(process, &plan.recording)?,
+        }
+    }
+    for StationConfig { number, source, .. } in stations {
+        let is_built = match source {
+            StationSource::Alsa => cfg!(feature = "alsa"),
+            StationSource::Uldaq => cfg!(feature = "uldaq"),
+            StationSource::Folder | StationSource::Rig | StationSource::Simulated => true,
+        };
+        if !is_built {
+            return built_without(&format!("{:?}, the source of station {number}", source.name()), source.name());
         }
     }
     Ok(setup)

@@ -98,7 +98,9 @@ struct ShoulderDifference {
     reasons_after: Option<String>,
     /// Locations whose damage index differs.
     locations_differ: usize,
-    /// By how much at most, of those that have one in both.
+    /// How many of them have an index in one of both alone.
+    locations_absent: usize,
+    /// By how much at most the others differ.
     index_max: Option<f64>,
 }
 
@@ -194,6 +196,7 @@ impl ShoulderDifference {
             reasons_before: reasons(a),
             reasons_after: reasons(b),
             locations_differ: differences.len(),
+            locations_absent: differences.iter().filter(|difference| difference.is_nan()).count(),
             index_max: differences.into_iter().filter(|difference| difference.is_finite()).max_by(f64::total_cmp),
         }
     }
@@ -208,7 +211,7 @@ impl fmt::Display for Difference {
         if !self.is_raw_same {
             writeln!(
                 f,
-                "           the recordings differ: in their samples, or in the time, velocity or scale of a tap"
+                "           the recordings differ: in their samples, or in what is noted with a tap (time, velocity, scale, distance, attempt)"
             )?;
         }
         if !self.is_recorded_alike {
@@ -254,7 +257,13 @@ impl fmt::Display for ShoulderDifference {
         match self.index_max {
             None if self.locations_differ == 0 => f.write_str(", index the same"),
             None => write!(f, ", index at {locations} in one of them alone"),
-            Some(largest) => write!(f, ", index differs at {locations}, by {largest:.2e} at most"),
+            Some(largest) => {
+                write!(f, ", index differs at {locations}, by {largest:.2e} at most")?;
+                match self.locations_absent {
+                    0 => Ok(()),
+                    absent => write!(f, "; {absent} of them have it in one alone"),
+                }
+            }
         }
     }
 }

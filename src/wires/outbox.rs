@@ -271,7 +271,7 @@ impl Outbox {
         self.state().wakes.push(wake);
     }
 
-    /// Says that something is wrong with `receiver`, or nothing any more; either is an alarm too where it is new. `kind` tells one trouble of a receiver
+    /// Says that something is wrong with `receiver`, or nothing any more; what is new is an alarm too. `kind` tells one trouble of a receiver
     /// from another.
     pub(crate) fn set_trouble(&self, receiver: Receiver, kind: &'static str, trouble: Option<String>) {
         let mut state = self.state();
@@ -284,9 +284,7 @@ impl Outbox {
             }
             None => {
                 if let Some(text) = state.troubles.remove(&(receiver, kind)) {
-                    let text = format!("this is over: {text}");
-                    tracing::warn!("{text}");
-                    state.alarm(text);
+                    tracing::warn!("this is over: {text}");
                 }
             }
         }

@@ -85,7 +85,10 @@ fn unit_of(channel: Channel, of_set: Option<FullScale>, taps_file: &Path, taps: 
                 Unit::Newton | Unit::FullScale => "force_full_scale_n",
             },
             value: tap.extras.full_scale(channel).map_or_else(String::new, |(full_scale, _)| full_scale.to_string()),
-            bound: format!("a full scale in {}, as of the other taps", unit.name()),
+            bound: match of_set {
+                Some(_) => format!("a full scale in {}, the unit of the whole set", unit.name()),
+                None => format!("a full scale in {}, as of the other taps", unit.name()),
+            },
         }),
     }
 }

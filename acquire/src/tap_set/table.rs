@@ -1,7 +1,7 @@
 //! CSV tables whose columns have fixed names and any order.
 //!
 //! Cells are separated as in the header: by commas, semicolons or tabs. Spreadsheets write semicolons where a comma is the
-//! decimal sign; between semicolons or tabs, numbers may have it.
+//! decimal sign; between semicolons numbers may have it.
 
 use std::path::Path;
 
@@ -158,8 +158,8 @@ impl<'a> Row<'a> {
             return Ok(None);
         }
         let number: Option<f64> = match self.table.separator {
-            b',' => text.parse().ok(),
-            _ => text.replace(',', ".").parse().ok(),
+            b';' => text.replace(',', ".").parse().ok(),
+            _ => text.parse().ok(),
         };
         number.filter(|&n| (n > low || is_low_in && n >= low) && n <= high).map(Some).ok_or_else(|| {
             let from = if is_low_in { format!("from {low} to") } else { format!("above {low} and at most") };
@@ -231,7 +231,7 @@ mod tests {
             .map(|()| numbers)
         };
         assert_eq!(numbers("a;b\n1,5;\n2.5;\n;\n").unwrap(), [Some(1.5), Some(2.5), None]);
-        for wrong in ["a;b\n1.001,5;\n", "a,b\n\"1,5\",\n"] {
+        for wrong in ["a;b\n1.001,5;\n", "a,b\n\"1,5\",\n", "a\tb\n1,000\t\n"] {
             let error = numbers(wrong).unwrap_err().to_string();
             assert!(error.contains("line 2: a is \"1"), "{error}");
         }

@@ -10,7 +10,7 @@
 
 use statrs::distribution::{ContinuousCDF as _, Normal};
 
-use super::bound::{Z_95, upper_bound};
+use super::bound::{Z_95, is_admitted, upper_bound};
 use super::newton::variance;
 use super::size::{LogSizes, range, size_near, size_of};
 use super::{AtLeast, Refusal};
@@ -134,6 +134,7 @@ pub fn a_hat(sizes: &[f64], responses: &[f64], threshold: f64) -> Result<AHat, R
         let t = half.hypot(scatter.hypot(h_over_l)) - half;
         Some(log_likelihood(t, scatter.hypot(h_over_l - Z_90 * t / l)))
     };
+    let is_rising = !is_admitted(best, log_likelihood(spread, spread));
     Ok(AHat {
         intercept,
         slope,
@@ -143,7 +144,7 @@ pub fn a_hat(sizes: &[f64], responses: &[f64], threshold: f64) -> Result<AHat, R
         sigma,
         a50: size_near(mu, looked_at),
         a90: size_near(ln_a90, looked_at),
-        a90_95_likelihood: upper_bound(ln_a90, sd, best, through).and_then(size_of),
+        a90_95_likelihood: if is_rising { upper_bound(ln_a90, sd, best, through).and_then(size_of) } else { None },
         targets: AtLeast { count: sizes.len(), wanted: A_HAT_TARGETS },
     })
 }

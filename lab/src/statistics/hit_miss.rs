@@ -4,7 +4,7 @@
 //! target stands for one independent look; looks at the same crack are not independent, and count for less than they
 //! seem to.
 
-use super::bound::{Z_95, upper_bound};
+use super::bound::{Z_95, is_admitted, upper_bound};
 use super::newton::{At, Peak, peak, variance};
 use super::size::{LogSizes, range, size_near, size_of};
 use super::{AtLeast, Refusal};
@@ -80,7 +80,8 @@ pub fn hit_miss(sizes: &[f64], is_hit: &[bool]) -> Result<HitMiss, Refusal> {
     let covariance = on_ln_size(&fit, &log);
     let ln_a90 = (LOGIT_90 - intercept) / slope;
     let sd = variance(&covariance, &[-1.0 / slope, -ln_a90 / slope]).sqrt();
-    let bound = upper_bound(ln_a90, sd, fit.value, |ln_size| likelihood_through(&log, is_hit, ln_size));
+    let is_rising = !is_admitted(fit.value, flat(is_hit));
+    let bound = || upper_bound(ln_a90, sd, fit.value, |ln_size| likelihood_through(&log, is_hit, ln_size));
     Ok(HitMiss {
         intercept,
         slope,
@@ -88,7 +89,7 @@ pub fn hit_miss(sizes: &[f64], is_hit: &[bool]) -> Result<HitMiss, Refusal> {
         log_likelihood: fit.value,
         a50: size_near(-intercept / slope, all_sizes),
         a90: size_near(ln_a90, all_sizes),
-        a90_95_likelihood: bound.and_then(size_of),
+        a90_95_likelihood: if is_rising { bound().and_then(size_of) } else { None },
         targets: AtLeast { count: sizes.len(), wanted: HIT_MISS_TARGETS },
     })
 }
@@ -134,6 +135,13 @@ fn likelihood_through(log: &LogSizes, is_hit: &[bool], ln_size: f64) -> Option<f
         Some(at)
     });
     best.ok().map(|best| best.value)
+}
+
+/// Log likelihood of the curve that does not rise.
+fn flat(is_hit: &[bool]) -> f64 {
+    let count = is_hit.len() as f64;
+    let hits = is_hit.iter().filter(|&&is_hit| is_hit).count() as f64;
+    hits * (hits / count).ln() + (count - hits) * (1.0 - hits / count).ln()
 }
 
 /// Adds a target with the log odds `eta`, which has the derivatives `along`.

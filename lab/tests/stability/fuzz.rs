@@ -46,6 +46,11 @@ fn any_configuration() {
         let ProcessConfig { f_c_hz, f_hi_hz, f_lo_hz, f_top_hz, .. } = config.process;
         prop_assert!(0.0 < f_c_hz && f_c_hz < f_hi_hz && f_hi_hz.is_finite(), "{:?}", config.process);
         prop_assert!(0.0 <= f_lo_hz && f_lo_hz < f_top_hz && f_top_hz.is_finite(), "{:?}", config.process);
+        prop_assert!(
+            f_hi_hz <= f_top_hz && (f_lo_hz <= f_c_hz || config.process.f_c_follows_tau),
+            "{:?}",
+            config.process
+        );
         prop_assert!(ProcessExtractor::new(&config.process).is_ok());
         let (re_inspect, reject) = (config.fuse.re_inspect_rate, config.fuse.reject_rate);
         prop_assert!(0.0 < reject && reject <= re_inspect && re_inspect < 1.0, "{} {}", re_inspect, reject);

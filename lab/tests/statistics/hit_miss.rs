@@ -158,3 +158,24 @@ fn the_likelihood_bound_holds_as_often_as_it_says() {
     }
     assert!((367..=393).contains(&held), "{held} of 400");
 }
+
+#[test]
+fn what_may_not_rise_has_no_bound() {
+    // Catches a bound where a curve that does not rise is not excluded. Where nearly all targets are hit, curves through
+    // 90 % at a small size are excluded all the same, and a search would stop at one of them.
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let mut flat_count = 0;
+    for _ in 0..200 {
+        let sizes: Vec<f64> = (0..120).map(|_| rng.random_range(-0.7..2.0_f64).exp()).collect();
+        let is_hit: Vec<bool> = sizes.iter().map(|_| rng.random_bool(0.97)).collect();
+        let Ok(fit) = hit_miss(&sizes, &is_hit) else { continue };
+        let part = is_hit.iter().filter(|&&is_hit| is_hit).count() as f64 / 120.0;
+        let flat = 120.0 * (part * part.ln() + (1.0 - part) * (1.0 - part).ln());
+        // Half of chi-squared's 90 % point with one degree.
+        if fit.log_likelihood - flat <= 1.352_772 {
+            flat_count += 1;
+            assert!(fit.a90_95_likelihood.is_none(), "{fit:?}");
+        }
+    }
+    assert!(flat_count > 40, "{flat_count}");
+}

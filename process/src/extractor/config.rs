@@ -74,7 +74,7 @@ impl Default for ProcessConfig {
 impl ProcessConfig {
     /// Checks every setting against its bounds.
     ///
-    /// The flexural band need not lie inside the reference band: the ratio of two separate bands is allowed.
+    /// The flexural band lies inside the reference band; an f_c that follows tau is kept there tap by tap.
     ///
     /// # Errors
     /// [`Error`] with the key, its value and the bound that it breaks.
@@ -97,8 +97,9 @@ impl ProcessConfig {
         };
         band("f_hi_hz", f_hi_hz, (f_hi_hz > f_c_hz, "above"), "f_c_hz", f_c_hz)?;
         band("f_top_hz", f_top_hz, (f_top_hz > f_lo_hz, "above"), "f_lo_hz", f_lo_hz)?;
-        // PR is a part of a whole (Eq. 52).
-        band("f_c_hz", f_c_hz, (f_c_hz >= f_lo_hz, "at or above"), "f_lo_hz", f_lo_hz)?;
+        // PR is a part of a whole (Eq. 52). An f_c that follows tau never goes below f_lo.
+        let is_within = f_c_hz >= f_lo_hz || self.f_c_follows_tau;
+        band("f_c_hz", f_c_hz, (is_within, "at or above"), "f_lo_hz", f_lo_hz)?;
         band("f_hi_hz", f_hi_hz, (f_hi_hz <= f_top_hz, "at or below"), "f_top_hz", f_top_hz)?;
         self.quality.validate()
     }

@@ -286,15 +286,10 @@ impl<T: Real> Extractor<T> {
     /// f_c never follows below f_lo, where PR's band would reach beyond its reference.
     fn bands(&self, tau_s: Option<f64>) -> Option<Bands> {
         let ProcessConfig { f_c_hz, f_hi_hz, f_lo_hz, f_top_hz, .. } = self.config;
-        let fixed = Bands { f_c_hz, f_hi_hz, f_lo_hz, f_top_hz };
-        match tau_s.filter(|_| self.config.f_c_follows_tau) {
-            None => Some(fixed),
-            Some(tau_s) => {
-                let asked_for = 1.0 / (2.0 * tau_s);
-                let f_c_hz = if asked_for > f_lo_hz { asked_for } else { f_lo_hz };
-                (f_c_hz <= f_hi_hz).then_some(Bands { f_c_hz, ..fixed })
-            }
-        }
+        let followed = tau_s.filter(|_| self.config.f_c_follows_tau).map(|tau_s| 1.0 / (2.0 * tau_s));
+        let asked_for = followed.unwrap_or(f_c_hz);
+        let f_c_hz = if asked_for > f_lo_hz { asked_for } else { f_lo_hz };
+        (f_c_hz <= f_hi_hz).then_some(Bands { f_c_hz, f_hi_hz, f_lo_hz, f_top_hz })
     }
 }
 

@@ -57,7 +57,7 @@ impl StageLoop<'_> {
 
     /// After `error`, waits until the file of the casing at `index` can be written again.
     pub(super) fn wait_for_recovery(&mut self, index: usize, mut error: Error) -> Result<(), RunError> {
-        // A write to another casing's file has failed, which was logged; often that is over.
+        // Another tap of the same batch has failed, which was logged; often that is over.
         if matches!(error, Error::Abandoned { .. }) && self.open[index].writer.recover().is_ok() {
             return Ok(());
         }
