@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Component, Path, PathBuf};
 
-use tapline_acquire::{TEXT_COLUMNS, TapRow, separator, tap_columns, tap_rows};
+use tapline_acquire::{TEXT_COLUMNS, TapRow, table_separator, tap_columns, tap_rows};
 use tapline_wire::csv_cell;
 
 use crate::config::{Config, TAPS_MAX, TapPlan, text_of};
@@ -164,7 +164,7 @@ impl List {
         let is_table =
             |file: &PathBuf| file.canonicalize().ok().is_some_and(|file| Some(file) == table.canonicalize().ok());
         let files: Vec<&PathBuf> = files.iter().filter(|file| !is_table(file)).collect();
-        let separator = separator(&text);
+        let separator = table_separator(&text);
         let mut reader =
             csv::ReaderBuilder::new().delimiter(separator).trim(csv::Trim::All).from_reader(text.as_bytes());
         let syntax = |error: csv::Error| refuse(error.position().map(csv::Position::line), error.to_string());
