@@ -163,38 +163,25 @@ mod tests {
     #[test]
     fn refusals_name_key_value_and_bound() {
         let good = ProcessConfig::default();
-        let message = |config: ProcessConfig| config.validate().unwrap_err().to_string();
-        assert_eq!(
-            message(ProcessConfig { f_hi_hz: 550.0, ..good }),
-            "process.f_hi_hz = 550 Hz: must be above process.f_c_hz = 550 Hz"
-        );
-        assert_eq!(
-            message(ProcessConfig { f_lo_hz: 5000.0, ..good }),
-            "process.f_top_hz = 3000 Hz: must be above process.f_lo_hz = 5000 Hz"
-        );
-        assert_eq!(
-            message(ProcessConfig { f_lo_hz: 600.0, ..good }),
-            "process.f_c_hz = 550 Hz: must be at or above process.f_lo_hz = 600 Hz"
-        );
-        assert_eq!(
-            message(ProcessConfig { f_hi_hz: 60_000.0, ..good }),
-            "process.f_hi_hz = 60000 Hz: must be at or below process.f_top_hz = 3000 Hz"
-        );
+        for (config, message) in [
+            (ProcessConfig { f_hi_hz: 550.0, ..good }, "f_hi_hz = 550 Hz: must be above process.f_c_hz = 550 Hz"),
+            (ProcessConfig { f_lo_hz: 5000.0, ..good }, "f_top_hz = 3000 Hz: must be above process.f_lo_hz = 5000 Hz"),
+            (ProcessConfig { f_lo_hz: 600.0, ..good }, "f_c_hz = 550 Hz: must be at or above process.f_lo_hz = 600 Hz"),
+            (
+                ProcessConfig { f_hi_hz: 3001.0, ..good },
+                "f_hi_hz = 3001 Hz: must be at or below process.f_top_hz = 3000 Hz",
+            ),
+            (ProcessConfig { f_c_hz: f64::NAN, ..good }, "f_c_hz = NaN Hz: must be finite and above 0"),
+            (ProcessConfig { f_lo_hz: -1.0, ..good }, "f_lo_hz = -1 Hz: must be finite and not below 0"),
+            (ProcessConfig { record_s: -0.1, ..good }, "record_s = -0.1 s: must be finite and not below 0"),
+        ] {
+            assert_eq!(config.validate().unwrap_err().to_string(), format!("process.{message}"));
+        }
         let edges = ProcessConfig { f_lo_hz: 550.0, f_hi_hz: 3000.0, ..good };
         assert_eq!(edges.validate(), Ok(()));
-        assert_eq!(
-            message(ProcessConfig { f_c_hz: f64::NAN, ..good }),
-            "process.f_c_hz = NaN Hz: must be finite and above 0"
-        );
-        assert_eq!(
-            message(ProcessConfig { f_lo_hz: -1.0, ..good }),
-            "process.f_lo_hz = -1 Hz: must be finite and not below 0"
-        );
+        let following = ProcessConfig { f_lo_hz: 600.0, f_c_follows_tau: true, ..good };
+        assert_eq!(following.validate(), Ok(()));
         assert!(ProcessConfig { f_top_hz: f64::INFINITY, ..good }.validate().is_err());
-        assert_eq!(
-            message(ProcessConfig { record_s: -0.1, ..good }),
-            "process.record_s = -0.1 s: must be finite and not below 0"
-        );
         assert!(ProcessConfig { droop_time_constant_s: -1.0, ..good }.validate().is_err());
         assert!(ProcessConfig { mains_hz: f64::NAN, ..good }.validate().is_err());
     }

@@ -111,3 +111,17 @@ pub(super) fn read_entry(lock: &File) -> Option<Entry> {
     let count = lock.read_at(&mut text, 0).ok()?;
     toml::from_str(std::str::from_utf8(text.get(..count)?).ok()?).ok()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a folder without permission that is said to be another user's.
+    #[test]
+    fn who_may_not_write_is_told_why() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(lock_refused(folder.path(), Errno::ACCESS).starts_with("cannot write into "));
+        std::fs::write(folder.path().join(LOCK), "").unwrap();
+        assert!(lock_refused(folder.path(), Errno::ACCESS).ends_with(".line is of a line of another user"));
+    }
+}
