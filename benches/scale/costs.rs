@@ -106,7 +106,7 @@ impl Costs {
 
     pub(crate) fn text(&self) -> Result<String> {
         let mut text = String::from(
-            "## What a tap costs\n\n| processor time of a tap, us | beside | | exponent |\n|---|---|---|--:|\n",
+            "## What a tap costs\n\n| processor time of a tap, us | run with | | exponent |\n|---|---|---|--:|\n",
         );
         for step in &self.steps {
             let numbers: Vec<String> = step.points.iter().map(|(n, _)| n.to_string()).collect();
@@ -124,7 +124,7 @@ impl Costs {
         writeln!(
             text,
             "\nAn exponent of 0 means that a tap costs the same however many there are. Below 0, work that is done once is shared by \
-             more. A tap takes {:.0} bytes in its archive (50 ms, two channels, simulated with noise).\n",
+             more taps. A tap takes {:.0} bytes in its archive (50 ms, two channels, simulated with noise).\n",
             self.bytes_per_tap
         )?;
         if let Some(Way { us: [sender, server, collector], taps_per_s }) = &self.way {

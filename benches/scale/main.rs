@@ -23,7 +23,7 @@ fn main() -> Result<()> {
     let mut page = String::from(
         "# From one line to a hundred thousand\n\n`cargo build --release -p tapline && cargo bench -p tapline-bench --bench scale` \
          writes this page. It measures what a tap costs on this machine, and computes what many lines need. Processor times \
-         include the simulation of the taps, which a rig does for nothing. A casing has 202 taps: one turn of each shoulder, and none is tapped again. \
+         include the simulation of the taps, which a real rig does not need. A casing has 202 taps: one turn of each shoulder, and none is tapped again. \
          It is compared with itself, so judging takes more of a tap's time than in [performance.md](performance.md).\n\n",
     );
     let cores = std::thread::available_parallelism().map_or(1, usize::from);

@@ -15,7 +15,7 @@ const DAY_S: f64 = 86_400.0;
 const NETWORK_BYTES_PER_S: f64 = 118e6;
 /// Cores of a host.
 const CORES: f64 = 16.0;
-/// Part of a resource that is used at most, so that what has piled up can be worked off.
+/// Part of a core or server that is used at most, so that what has piled up can be worked off.
 const USED: f64 = 0.5;
 
 /// The tables of the page.
@@ -23,8 +23,8 @@ pub(crate) fn text(costs: &Costs) -> Result<String> {
     let rates = LINES.map(|lines| lines * TAPS_PER_S);
     let us = |step: usize| costs.steps.get(step).map_or(f64::NAN, |step| step.us());
     let mut text = format!(
-        "## What lines need\n\nA line makes {TAPS_PER_S} taps/s, day and night: one each 0.4 s. Half of each resource is kept free, to work \
-         off what has piled up.\n\n| | {} |\n|---|{}\n",
+        "## What lines need\n\nA line makes {TAPS_PER_S} taps/s, day and night: one every 0.4 s. Half of the lines' cores and of each server is kept free, to \
+         work off what has piled up.\n\n| | {} |\n|---|{}\n",
         LINES.map(|lines| format!("{lines:.0} line{}", if lines > 1.0 { "s" } else { "" })).join(" | "),
         "--:|".repeat(LINES.len())
     );
@@ -45,7 +45,7 @@ pub(crate) fn text(costs: &Costs) -> Result<String> {
     row("cores that judge a year again in a day", &|rate| rate * 365.0 * us(3) * 1e-6)?;
     writeln!(
         text,
-        "\nWhat binds first, as lines are added to one of each:\n\n| what | is half used by so many lines |\n|---|--:|"
+        "\nWhat limits first, as lines are added to one of each:\n\n| what | lines that use half of it |\n|---|--:|"
     )?;
     let mut limits = vec![
         (format!("a host of lines with {CORES} cores, without listening"), CORES * USED / (us(0) * 1e-6 * TAPS_PER_S)),
@@ -60,7 +60,7 @@ pub(crate) fn text(costs: &Costs) -> Result<String> {
     }
     text.push_str(
         "\nThe host of lines does not count listening to sound cards, which binds earlier: \
-         [operating.md](operating.md#how-many-stations).\n\nSites are independent of each other: beyond what one server or network bears, a second server with its own bucket takes the next sites. \
+         [operating.md](operating.md#how-many-stations).\n\nSites are independent of each other: beyond what one server or network can carry, a second server with its own bucket takes the next sites. \
          Nothing is shared by all lines.\n",
     );
     Ok(text)

@@ -18,13 +18,13 @@ pub enum LogFormat {
 /// How much a program says while it works, and how.
 #[derive(Debug, Clone, Copy, Args)]
 pub struct LogArgs {
-    /// How the log is written, on standard error; TAPLINE_LOG says what is in it (error, warn, info, debug).
+    /// Format of the log on standard error; TAPLINE_LOG sets its level (error, warn, info, debug).
     #[arg(long, global = true, value_enum, value_name = "FORMAT", default_value_t)]
     pub log: LogFormat,
-    /// Say more on standard error: -v what is done, -vv all of it.
+    /// Print more on standard error: -v what is done, -vv everything.
     #[arg(short, long, global = true, action = ArgAction::Count, conflicts_with = "quiet")]
     pub verbose: u8,
-    /// Print errors alone on standard error: no progress, no remarks, no warnings.
+    /// Print only errors on standard error: no progress, no remarks, no warnings.
     #[arg(short, long, global = true)]
     pub quiet: bool,
 }

@@ -45,7 +45,7 @@ pub struct HeadroomArgs {
     /// Seconds that the second line runs; the first runs as long, and at most 60.
     #[arg(long, default_value_t = 20.0)]
     seconds: f64,
-    /// Per cent of a core that listening takes at each station besides: `benches/scripts/listen.py` measures it.
+    /// Additional per cent of a core that listening takes at each station: `benches/scripts/listen.py` measures it.
     #[arg(long, default_value_t = 0.4)]
     listening_percent: f64,
     /// Folder on the disk that archives will be written to.

@@ -17,7 +17,7 @@ use tapline_lab::study::StudyArgs;
 use tapline_lab::written::WrittenArgs;
 use tapline_lab::{chart, estimators, experiment, figures, headroom, hop, pod, stability, study};
 
-/// What a researcher runs beside tapline: studies, figures and curves.
+/// Tools of tapline for researchers: studies, figures and curves.
 #[derive(Debug, Parser)]
 #[command(version, max_term_width = 100)]
 struct Cli {
@@ -32,12 +32,12 @@ enum Verb {
     /// Judge many simulated tyres, and compare indices and references: AUC with intervals, false calls,
     /// probability of detection, gauge studies.
     Study(StudyArgs),
-    /// Chart speed against accuracy of all that can be chosen, from contact model to scan plan, with every default marked.
+    /// Chart speed against accuracy of every choice, from contact model to scan plan, with every default marked.
     Chart(ChartArgs),
     /// Compare the archives of casings that a plant has scanned with what other means found in them: probability of
     /// detection, ROC, false calls, gauge studies.
     Pod(PodArgs),
-    /// Tell how many stations this host carries, and what binds: a line of simulated stations runs for a short time.
+    /// Measure how many stations this host supports, and what limits them: a line of simulated stations runs for a short time.
     Headroom(HeadroomArgs),
     /// Repeat chapter 5 of the dissertation on three simulated tyres, and compare its claims with the results.
     Experiment {
@@ -77,12 +77,12 @@ enum Verb {
         #[command(flatten)]
         written: WrittenArgs,
     },
-    /// Print what completes verbs and options at the prompt of a shell.
+    /// Print a script that completes verbs and options in a shell.
     Completions {
         /// The shell.
         shell: clap_complete::Shell,
     },
-    /// Write the manual pages, one a verb.
+    /// Write the manual pages, one for each verb.
     Man {
         /// Folder to write into; made when it is not there.
         folder: PathBuf,

@@ -14,16 +14,16 @@ pub(crate) struct ReferenceArgs {
     pub archives: Vec<PathBuf>,
     #[command(flatten)]
     pub results: ResultsArgs,
-    /// A shoulder to take, several times for several; when left out, all that passed, or with --labelled all.
+    /// A shoulder to take; repeat the option for several. If left out, all that passed, or with --labelled all.
     #[arg(long = "shoulder", value_name = "TYRE/SHOULDER")]
     pub shoulders: Vec<String>,
-    /// Take what the archives know of each location for its label; without it every shoulder is taken to be sound.
+    /// Use the truth in the archives as the label of each location; without this option every shoulder counts as sound.
     #[arg(long)]
     pub labelled: bool,
     /// Learn from the labels which way each discriminator moves with damage, where they show it.
     #[arg(long, requires = "labelled")]
     pub learn_directions: bool,
-    /// Configuration file, for directions and re-inspect rate; those of the first archive when left out.
+    /// Configuration file for directions and re-inspect rate; if left out, those of the first archive.
     #[arg(long)]
     pub config: Option<PathBuf>,
     /// File to write, whose name ends in .json.
@@ -31,7 +31,7 @@ pub(crate) struct ReferenceArgs {
     pub out: PathBuf,
     #[command(flatten)]
     pub force: ForceArgs,
-    /// Print what the reference is as JSON.
+    /// Describe the reference as JSON.
     #[arg(long)]
     pub json: bool,
 }
@@ -62,7 +62,7 @@ pub(crate) struct ReprocessArgs {
     /// What shoulders are compared with, in place of the configuration's reference, as for `tapline run`.
     #[arg(long, value_name = "FILE.json|TYRE/SHOULDER|self")]
     pub reference: Option<String>,
-    /// Threads; one for every core when left out. They change no result.
+    /// Number of threads; if left out, one per core. It changes no result.
     #[arg(long, default_value_t = 0)]
     pub jobs: usize,
     /// Read the samples even where the archive's own discriminators were made by the same options and sources; taps that
@@ -88,7 +88,7 @@ pub(crate) struct ImportArgs {
     /// Folder for the tap set, which must be new or empty.
     #[arg(long, required_unless_present = "example", conflicts_with = "example")]
     pub out: Option<PathBuf>,
-    /// Write recordings and a configuration to start from into this folder, and print the command that imports them.
+    /// Write recordings and a configuration to start from into this folder, and print the commands that import and judge them.
     #[arg(long, value_name = "DIR")]
     pub example: Option<PathBuf>,
     /// Print what was imported as JSON.
@@ -101,8 +101,8 @@ pub(crate) struct ReportArgs {
     /// Archives or files of results, or folders of archives.
     #[arg(required = true)]
     pub archives: Vec<PathBuf>,
-    /// Folder to write into, made when it is not there; the first archive's or folder's name with `-report`, in this
-    /// folder, when left out.
+    /// Folder to write into, created if it does not exist; if left out, the first archive's or folder's name with `-report`,
+    /// in this folder.
     #[arg(long)]
     pub out: Option<PathBuf>,
     /// A configuration whose table `[report]` is printed, in place of the archive's.
@@ -129,7 +129,7 @@ pub(crate) struct ExportArgs {
     /// What to write.
     #[arg(value_enum, value_name = "WHAT")]
     pub what: What,
-    /// Format; csv for a table and wav for the taps when left out.
+    /// Format; if left out, csv for a table and wav for the taps.
     #[arg(long, value_enum)]
     pub format: Option<Format>,
     #[command(flatten)]

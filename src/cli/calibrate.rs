@@ -11,12 +11,12 @@ use crate::cli::one_of;
 /// How a channel is calibrated.
 #[derive(Debug, Subcommand)]
 pub(crate) enum CalibrateVerb {
-    /// Force, by blows on a sensor that tells their peak.
+    /// Force, by blows on a sensor that reports their peak.
     Blows {
-        /// Peaks that the other sensor told, N: one for all blows, or one for each, separated by commas.
+        /// Peaks that the other sensor reported, N: one for all blows, or one for each, separated by commas.
         #[arg(long, value_delimiter = ',', required = true, allow_negative_numbers = true)]
         known_n: Vec<f64>,
-        /// How many blows, where one peak is given for all.
+        /// Number of blows, if one peak is given for all.
         #[arg(long, default_value_t = 5)]
         count: usize,
         #[command(flatten)]
@@ -68,7 +68,7 @@ pub(crate) struct HeardArgs {
     /// Number of the station, where several listen.
     #[arg(long)]
     pub station: Option<u16>,
-    /// How long to wait for what is to be heard, s.
+    /// How long to wait for the blows or the tone, s.
     #[arg(long, default_value_t = 60.0)]
     pub patience_s: f64,
 }

@@ -15,14 +15,14 @@ pub(crate) struct SourceArgs {
     /// Folder of recorded taps (a tap set) to scan instead of simulated tyres.
     #[arg(long)]
     pub taps: Option<PathBuf>,
-    /// Folder for the results, one file a casing; `simulated`, or the name of the tap set, in this folder when left out.
+    /// Folder for the results, one file per casing; if left out, `simulated` or the name of the tap set, in this folder.
     #[arg(long)]
     pub out: Option<PathBuf>,
     /// What shoulders are compared with, in place of the configuration's reference: the file of a reference (`tapline reference`
     /// makes one), TYRE/SHOULDER of the casing itself, or `self`: each tyre with itself, where damage all round does not show.
     #[arg(long, value_name = "FILE.json|TYRE/SHOULDER|self")]
     pub reference: Option<String>,
-    /// Stations: how many are simulated, or over how many the shoulders of a tap set are shared out.
+    /// Number of stations: simulated ones, or those that share the shoulders of a tap set.
     #[arg(long)]
     pub stations: Option<u16>,
 }
@@ -41,7 +41,7 @@ pub(crate) struct LineArgs {
     /// Configuration file (TOML) with the stations.
     #[arg(long)]
     pub config: PathBuf,
-    /// Folder for the results: a folder a day, a file a casing; made when it is not there.
+    /// Folder for the results: one folder per day, one file per casing; created if it does not exist.
     #[arg(long)]
     pub out: PathBuf,
     /// What shoulders are compared with, in place of the configuration's reference: the file of a reference (`tapline reference`
@@ -51,7 +51,7 @@ pub(crate) struct LineArgs {
     /// Print verdicts as lines of JSON.
     #[arg(long)]
     pub json: bool,
-    /// End after so many casings.
+    /// End after this many casings.
     #[arg(long)]
     pub casings: Option<NonZeroUsize>,
     /// Serve a page of the running line, /metrics and /healthz over HTTP at this address.
@@ -69,7 +69,7 @@ pub(crate) struct StatusArgs {
     /// Folder that the line writes its results to.
     #[arg(long)]
     pub out: PathBuf,
-    /// Go on showing it until the line ends.
+    /// Keep showing it until the line ends.
     #[arg(long)]
     pub follow: bool,
     /// Print it as a line of JSON.

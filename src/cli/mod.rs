@@ -38,22 +38,22 @@ const EXIT_CODES: &str =
 pub(crate) enum Verb {
     /// Scan a list of casings, until each has its verdict: simulated tyres, or with --taps recorded taps.
     ///
-    /// The results go into a folder, one file a casing. The same command again goes on with what is missing. Ctrl-C ends
-    /// the run in good order.
+    /// The results go into a folder, one file per casing. The same command again continues with what is missing. Ctrl-C ends
+    /// the run cleanly.
     Run(RunArgs),
-    /// Judge casings as they come to the stations of a configuration, for as long as it is left on.
+    /// Judge casings as they come to the stations of a configuration, until it is stopped.
     ///
     /// Each casing's verdict is printed, and its file is in its place, within a second of its last tap. Ctrl-C, or SIGTERM,
-    /// ends the line in good order; the same command again goes on with the casings that were under way.
+    /// ends the line cleanly; the same command again continues with the casings that were under way.
     Line(LineArgs),
     /// Show the state of a running line: its stations, casings, verdicts and alarms. It does not disturb the line.
     Status(StatusArgs),
-    /// Play a rig for a station of a line: casings that come and go at random, over TCP. See docs/rig-protocol.md.
+    /// Simulate a rig for a station of a line: casings that come and go at random, over TCP. See docs/rig-protocol.md.
     Rig {
         /// Address to listen at.
         #[arg(long, default_value = "127.0.0.1:7001")]
         listen: String,
-        /// What it does (TOML); defaults hold for what is left out.
+        /// Its configuration (TOML); defaults hold for what is left out.
         #[arg(long)]
         config: Option<PathBuf>,
         /// Print the address, and at the end what it did, as lines of JSON.
@@ -62,7 +62,7 @@ pub(crate) enum Verb {
     },
     /// List the sound cards that a station can listen to, and what they can record.
     Devices {
-        /// Names of devices, as ALSA spells them; all that it lists when left out.
+        /// Names of devices, as ALSA spells them; if left out, all that ALSA lists.
         names: Vec<String>,
         /// Print a line of JSON for each.
         #[arg(long)]
@@ -77,21 +77,21 @@ pub(crate) enum Verb {
         #[arg(long)]
         station: Option<u16>,
     },
-    /// Find what full-scale samples of a station are worth, in N, V or Pa, and keep it in a file.
+    /// Calibrate a station: find the value of a full-scale sample in N, V or Pa, and write it into a file.
     Calibrate {
         #[command(subcommand)]
         verb: calibrate::CalibrateVerb,
     },
     /// Print a complete configuration with comments, or check one.
     Config(ConfigArgs),
-    /// Print what completes tapline's verbs and options at the prompt of a shell.
+    /// Print a script that completes tapline's verbs and options in a shell.
     Completions {
         /// The shell.
         shell: clap_complete::Shell,
     },
     /// Write the manual pages, one page for each verb.
     Man {
-        /// Folder to write into; made when it is not there.
+        /// Folder to write into; created if it does not exist.
         folder: PathBuf,
         #[command(flatten)]
         force: ForceArgs,
@@ -104,14 +104,14 @@ pub(crate) enum Verb {
     /// A folder stands for every finished archive in it. A folder, or several files, gives one table whose first column is
     /// `file`; taps give one tap set.
     Export(ExportArgs),
-    /// Make a tap set of recordings of other programs: WAV, CSV, HDF5, MATLAB, Universal Files, TDMS.
+    /// Make a tap set from recordings of other programs: WAV, CSV, HDF5, MATLAB, Universal Files, TDMS.
     ///
-    /// A file, a part of one, or what a trigger finds in a continuous record is a tap. A small configuration says which, and what
-    /// the recordings do not say of themselves.
+    /// A tap is a file, a part of one, or what a trigger finds in a continuous record. A small configuration says which, and
+    /// adds what the recordings do not state.
     Import(ImportArgs),
     /// Make a reference from archived shoulders that are known to be sound, or labelled location by location.
     Reference(ReferenceArgs),
-    /// Check that archives hold all their plans ask for, that no tap or result in them was altered, and that they do not
+    /// Check that archives hold every planned tap, that no tap or result in them was altered, and that they do not
     /// contradict themselves.
     ///
     /// Every sample is read and every checksum compared. Prints each problem on a line. Ends with code 3 if there is one, or
@@ -120,16 +120,16 @@ pub(crate) enum Verb {
         /// Archives, or folders of them.
         #[arg(required = true)]
         archives: Vec<PathBuf>,
-        /// Print a line of JSON for each archive; of several archives, one more that sums up.
+        /// Print a line of JSON for each archive; for several archives, also one with totals.
         #[arg(long)]
         json: bool,
     },
-    /// Judge archives again: with other options, another reference, or by a newer program.
+    /// Judge archives again: with other options, another reference, or a newer program.
     ///
-    /// The archive is not touched. The results stand beside it in a file named after their lineage, which every other verb
-    /// takes as an archive, and of folders with --results. Prints the name of each file.
+    /// The archive is not changed. The results are in a file beside it, named after their lineage. Every other verb reads this
+    /// file like an archive; in folders, only with --results. Prints the name of each file.
     Reprocess(ReprocessArgs),
-    /// Write archives again, their samples packed otherwise; every sample is checked on the way.
+    /// Write archives again with their samples packed differently; every sample is checked.
     Repack {
         /// Archives, or folders of them.
         #[arg(required = true)]
@@ -138,7 +138,7 @@ pub(crate) enum Verb {
         /// fast and zstd smaller, both within Blosc.
         #[arg(long, value_parser = one_of::<Codec>(&["none", "lz4", "zstd", "gzip"]))]
         codec: Codec,
-        /// The new archive; of a folder, or of several files, a folder for them. No archive is replaced.
+        /// The new archive; for a folder, or several files, a folder for the new ones. No archive is replaced.
         #[arg(long)]
         out: PathBuf,
         /// Print a line of JSON for each archive.
@@ -147,12 +147,12 @@ pub(crate) enum Verb {
     },
     /// Send the finished casing files of a line to a centre, each once, over a NATS server.
     ///
-    /// A file is sent until a centre says that it has it; the line does not notice. Prints a line for each. See docs/uplink.md.
+    /// A file is sent until a centre confirms it; the line is not affected. Prints a line for each. See docs/uplink.md.
     #[cfg(feature = "uplink")]
     Uplink(uplink::UplinkArgs),
     /// Collect at a centre the casing files that `tapline uplink` sends; several hosts may share the work.
     ///
-    /// Each file is checked as by `tapline verify` before the sender hears that it has arrived. Prints a line for each.
+    /// Each file is checked as by `tapline verify` before the sender gets a receipt. Prints a line for each.
     #[cfg(feature = "uplink")]
     Collect(uplink::CollectArgs),
     /// Show what an archive's numbers were made from: recorded taps, sources of the program, options, reference.
@@ -163,7 +163,7 @@ pub(crate) enum Verb {
         /// Also show this shoulder's verdict; of several archives, only the one that has it.
         #[arg(long, value_name = "TYRE/SHOULDER")]
         shoulder: Option<String>,
-        /// Of this location of it the index, and what was found in every tap.
+        /// Also show the index of this location, and the values of every tap.
         #[arg(long, requires = "shoulder", allow_negative_numbers = true)]
         location: Option<u32>,
         #[command(flatten)]
@@ -180,7 +180,7 @@ pub(crate) enum Verb {
         before: PathBuf,
         /// The archive after; or a folder of archives.
         after: PathBuf,
-        /// Of the second folder take the newest results of `tapline reprocess`: it may be the same folder.
+        /// In the second folder, use the newest results of `tapline reprocess`: it may be the same folder.
         #[arg(long)]
         results: bool,
         /// Print a line of JSON for each pair of archives.
@@ -222,7 +222,7 @@ pub(crate) enum ModelVerb {
         #[arg(long)]
         json: bool,
     },
-    /// Print what one contact does, on a rung of the ladder of models or on the cheapest that is true enough.
+    /// Print what one contact does, with a given model or with the cheapest one that is accurate enough.
     Contact(ContactArgs),
 }
 

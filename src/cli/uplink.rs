@@ -8,7 +8,7 @@ use tapline_uplink::{Access, Site};
 /// How a connection to the server is made.
 #[derive(Debug, Args)]
 pub(crate) struct ServerArgs {
-    /// Certificates (PEM) of who vouches for the server; with it the connection is encrypted.
+    /// Certificates (PEM) for checking the server; with them the connection is encrypted.
     #[arg(long, value_name = "FILE")]
     pub ca_file: Option<PathBuf>,
     /// A `.creds` file of NATS, or a file with a user's name and password, a line each.
@@ -46,10 +46,10 @@ pub(crate) struct UplinkArgs {
     pub site: Site,
     #[command(flatten)]
     pub server: ServerArgs,
-    /// End once a centre has answered for every file now present; code 3 if it refused one, 1 if there was nothing but trouble for a minute.
+    /// End once a centre has answered for every file now present; code 3 if it refused one, 1 if there were only errors for a minute.
     #[arg(long)]
     pub once: bool,
-    /// Send files again that a centre has refused; none that it has received.
+    /// Also send files again that a centre has refused, but none that it has received.
     #[arg(long)]
     pub again: bool,
     /// Print what becomes of each file as a line of JSON.
@@ -66,7 +66,7 @@ pub(crate) struct CollectArgs {
     pub from: String,
     #[command(flatten)]
     pub server: ServerArgs,
-    /// End when no file waits; code 1 if there was nothing but trouble for a minute.
+    /// End when no file waits; code 1 if there were only errors for a minute.
     #[arg(long)]
     pub once: bool,
     /// Print what becomes of each file as a line of JSON.

@@ -19,14 +19,14 @@ pub(crate) const OFF: [Off; 2] = [
         panel: "force",
         facet: "tau",
         default: "tau = \"half_sine\"",
-        why: "the error here is a common factor, which an index divides out: by `width_02`, which is nearer to the contact, the index finds \
+        why: "the error here is a common factor, which an index divides out: with `width_02`, which is nearer to the contact, the index finds \
               fewer cracks (panel `settings`)",
     },
     Off {
         panel: "force",
         facet: "tau-plate",
         default: "tau = \"half_sine\"",
-        why: "the simulators disagree: by `impulse` tau alone finds more cracks of `plate` and fewer of `model`; what the index finds, \
+        why: "the simulators disagree: with `impulse` tau alone finds more cracks of `plate` and fewer of `model`; what the index finds, \
               on which verdicts rest, differs by less than the tolerance (panel `settings`)",
     },
 ];

@@ -7,13 +7,13 @@ use super::point::Point;
 
 /// How to read a panel, a paragraph each.
 pub(crate) const HOW_TO_READ: [&str; 5] = [
-    "Each point is one way of doing a thing: to the right it costs more, upwards it is more wrong. Down and to the left is better.",
+    "Each point is one option: further right it costs more, further up it is more wrong. Down and to the left is better.",
     "The staircase is the front: no point lies below or left of it. A point off the front is beaten by one that costs no more and is no \
      worse. Take the point on the front that you can afford.",
     "A ring marks the default, what the program does when nothing else is asked for. Hollow points fail a stability limit: they are fast and \
      wrong, and take no part in the front.",
     "An upright bar is the 95 % interval of the error, over seeds, shoulders or casings. A level bar is the quartiles of the cost over \
-     repetitions. The repetitions of all points took turns. Costs are processor time of one thread unless the axis says otherwise. On \
+     repetitions. All points were measured in alternation. Costs are processor time of one thread unless the axis says otherwise. On \
      another machine they differ; their ratios differ less.",
     "A default has left the front when another point is cheaper and as good, or better at the same cost, by more than the noise: the tolerances are \
      in the table of points.",

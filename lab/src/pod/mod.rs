@@ -34,8 +34,8 @@ pub struct PodArgs {
     /// Folder with finished archives, in subfolders too.
     pub folder: PathBuf,
     /// What other means found: a CSV file with the columns tyre, shoulder, first_location, location_count and, where it is
-    /// known, size_mm; a row with location_count 0 states that a shoulder was inspected and is sound. What the archives
-    /// themselves know (simulated tyres, tap sets with truth) when left out.
+    /// known, size_mm; a row with location_count 0 states that a shoulder was inspected and is sound. If left out, the
+    /// truth in the archives (simulated tyres, tap sets with truth) is used.
     #[arg(long)]
     pub truth: Option<PathBuf>,
     /// Seed of the intervals' random numbers.

@@ -13,14 +13,14 @@ const HEAD: &str = include_str!("head.md");
 
 const NOT_SHOWN: &str = "## What is not shown
 
-- No recorded tyre was judged. How faint a crack in rubber is, and how its sound differs, are the simulation's word.
+- No recorded tyre was judged. How faint a crack in rubber is, and how its sound differs, are assumptions of the simulation.
 - Every set changes one thing at a time, and cracks lie on one shoulder; damage all round, which a tyre by itself cannot
   show, is in none of them.
-- Differences whose interval holds 0 are not shown by this study. Among so many comparisons, some intervals
+- This study does not prove differences whose interval contains 0. Among so many comparisons, some intervals
   miss 0 by chance.
 - A rate stated at one in a thousand needs thousands of independent sound shoulders to be confirmed. Here it can only be
   refuted.
-- The second rig of the gauge study differs in what was chosen for it, not in what two real rigs differ in.
+- The second rig of the gauge study differs in ways that we chose, not in the ways in which two real rigs differ.
 ";
 
 /// The page that stands beside `folder`.

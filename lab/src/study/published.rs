@@ -35,7 +35,7 @@ pub(super) fn a90_95_mm(detection: &[Detection]) -> Option<f64> {
 pub(super) fn table(detection: &[Detection], found: &[FoundOnSet]) -> Table {
     let mut table = Table::new(
         "published",
-        "This study beside published numbers of other structures: they show what such numbers are like, and compare no methods. \
+        "This study beside published numbers of other structures: they show the usual size of such numbers, not which method is better. \
          TPR is the part of the cracked locations that is called at a limit that calls 5 % of the sound ones",
         &["number", "set", "here", "low", "high", "published", "published_of", "source"],
     );

@@ -72,8 +72,8 @@ fn measure(bench: &Bench) -> Result<Panel> {
         title: "How are samples packed?",
         question: "Archived bytes against the processor time of packing them: simulated taps flatter every codec.",
         notes: vec![
-            "What a codec leaves of a tap depends on the converter behind it. Simulated counts have quiet high bits; recorded 32-bit \
-             numbers have full ones, unless they come of a coarse converter, as the NTU slabs' do. The FHWA slab is what to expect of \
+            "How well a tap packs depends on the converter that recorded it. Simulated counts have quiet high bits; recorded 32-bit \
+             numbers have full ones, unless they come from a coarse converter, as the NTU slabs' do. The FHWA slab shows what to expect of \
              recorded taps."
                 .to_owned(),
             "`gzip` is deflate of level 4 over shuffled bytes, as HDF5's own filter; a line does not offer it. Every tap is unpacked \

@@ -107,14 +107,14 @@ fn measure(bench: &Bench) -> Result<Panel> {
     }
     Ok(Panel {
         name: "index",
-        title: "What makes one number of a place, and one of a shoulder?",
+        title: "Which index rates a place, and which rule a shoulder?",
         question: "Which index ranks locations best, which rule finds the cracked shoulders, and what do they cost?",
         notes: vec![
             "One turn at each of four offsets, by the reference of the panel `plans`. The cost is that of taking in a casing's \
              discriminators, comparing, and judging both shoulders; fitting the reference is not in it."
                 .to_owned(),
             "Ring rules: the strongest arc of 1 to 20 neighbours, which verdicts rest on, and the largest damage index, which is of \
-             three neighbours. Both come of the same work. A limit is set so that 5 % of the sound shoulders reach it; what is \
+             three neighbours. Both cost the same work. A limit is set so that 5 % of the sound shoulders reach it; what is \
              missed then does not depend on stated rates."
                 .to_owned(),
         ],

@@ -165,7 +165,7 @@ fn measure(bench: &Bench) -> Result<Panel> {
     Ok(Panel {
         name: "plans",
         title: "Which scan plan, and which method?",
-        question: "How many seconds of a casing on the rig buy how few missed cracks, where 2 % of sound shoulders may be called?",
+        question: "How does the number of missed cracks fall with the seconds of a casing on the rig, if 2 % of sound shoulders may be called?",
         notes: notes(bench),
         facets,
         tables: vec![table],

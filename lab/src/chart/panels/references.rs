@@ -46,10 +46,10 @@ fn measure(bench: &Bench) -> Result<Panel> {
         question: "A shoulder is compared with its own casing, or with sound casings that were scanned before. What does a larger \
                    reference buy?",
         notes: vec![
-            "Scans of one turn at each of four offsets, as in the panel `plans`; the reference is scanned likewise. The time is what \
-             its casings take on the rig, once. 2 % of sound shoulders may be called."
+            "Scans of one turn at each of four offsets, as in the panel `plans`; the reference is scanned likewise. The time is that of \
+             scanning its casings once. 2 % of sound shoulders may be called."
                 .to_owned(),
-            "A reference whose sound shoulders are called oftener than 2 %, beyond chance, is hollow. There is no default: a run or a \
+            "A reference whose sound shoulders are called significantly more often than 2 % is hollow. There is no default: a run or a \
              line must name its reference."
                 .to_owned(),
         ],

@@ -91,13 +91,13 @@ fn measure(bench: &Bench) -> Result<Panel> {
         name: "settings",
         title: "Which estimators find more cracks?",
         question: "Each estimator, and the precision, is changed alone, in records of the default length: what does it cost, and does the \
-                   index find more by it?",
+                   index find more with it?",
         notes: vec![
             "Scenes and reference are those of the panel `recording`: faint and strong cracks of smooth and of rough casings, and faint ones \
-             beside eight times the noise. The rig's hum is 3 mV."
+             in eight times the noise. The rig's hum is 3 mV."
                 .to_owned(),
-            "The simulators do not agree on tau. By the impulse the index finds more cracks of `plate` in each of the seeds, though by less \
-             than the tolerance, and no more of `model`. Neither values nearer to the contact (`width_02`) nor values with less bias by \
+            "The simulators do not agree on tau. With the impulse the index finds more cracks of `plate` in each of the seeds, though by less \
+             than the tolerance, and no more of `model`. Neither values nearer to the contact (`width_02`) nor values with less bias from \
              noise find more, because the index compares with places that have the same bias."
                 .to_owned(),
         ],

@@ -122,14 +122,14 @@ fn measure(bench: &Bench) -> Result<Panel> {
     Ok(Panel {
         name: "slabs",
         title: "What do recorded taps say?",
-        question: "Concrete slabs, hit by hand, of which only the power ratio is usable: is what holds on simulated tyres true of \
+        question: "Concrete slabs, hit by hand, with only the power ratio usable: do results on simulated tyres also hold on \
                    recordings with a known truth?",
         notes: vec![
             "Each line is compared with all lines of its slab, as the shipped configurations do. The cost is that of reading a tap, all \
              discriminators, and judging it. Intervals draw whole lines; there is one recording of each, and no seed."
                 .to_owned(),
             "These records are 5 and 10 ms long, and ring until they end. Within the wide intervals of so few lines no part of them is \
-             better than all. It is the tyres' ringing, over after 25 ms or so, that makes most of a record of 0.4 s useless."
+             better than all. For tyres most of a record of 0.4 s is useless, because their ringing is over after 25 ms or so."
                 .to_owned(),
         ],
         facets,

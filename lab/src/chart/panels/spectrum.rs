@@ -119,7 +119,7 @@ fn measure(bench: &Bench) -> Result<Panel> {
              square of the relative errors of PR, P_f and E_f over taps on sound and cracked places."
                 .to_owned(),
             "The truth is the periodogram of the whole record without noise, in double precision by another library. A shorter record \
-             leaves out the end of the ringing, which is its error without noise; with noise, it leaves out more of that."
+             leaves out the end of the ringing, which is its error without noise; with noise, it also leaves out noise."
                 .to_owned(),
         ],
         facets,

@@ -54,10 +54,10 @@ fn measure(bench: &Bench) -> Result<Panel> {
         notes: vec![
             "Each record is written by the producer and summed by both consumers, as `acquire`, `process` and `store` do. Through shared \
              memory it is written once and read in place; a socket and a pipe copy it twice, once for each consumer, through the \
-             kernel. Costs are of all three processes; errors are times, medians over rounds by turns."
+             kernel. Costs are of all three processes; errors are times, medians over alternating rounds."
                 .to_owned(),
             "Lines join one way from 4 KiB to 1 MiB. Each size has a front of its own.".to_owned(),
-            "On a machine with other work, the 99th of 100 latencies is that work's.".to_owned(),
+            "On a machine with other work, the 99th of 100 latencies is due to that work.".to_owned(),
         ],
         facets,
         tables: Vec::new(),

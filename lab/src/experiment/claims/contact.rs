@@ -36,7 +36,7 @@ pub(super) fn claims(experiment: &Experiment) -> Result<Vec<Claim>> {
         Claim {
             id: "contact-time",
             place: "5.4",
-            claim: "a sound place is touched for 0.9 ms, so that f_c is 555 Hz",
+            claim: "the contact at a sound place lasts 0.9 ms, so that f_c is 555 Hz",
             quantity: "median tau of sound places, and 1/(2 tau)",
             dissertation: "0.9 ms, 555 Hz",
             ours: format!("{} ms, {} Hz", digits(tau.0 * 1e3), digits(f_c_hz)),

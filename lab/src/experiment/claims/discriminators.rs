@@ -52,8 +52,8 @@ fn repetitions(turns: &[Vec<&Tap>; 2]) -> Result<Vec<Claim>> {
             dissertation: "",
             ours: format!("{} and {}", digits(of_a_2), digits(worst)),
             agrees: Agrees::from(of_a_2 > 1.5 * worst),
-            remark: "Half as much again. Eq. 54 divides by the range, and the simulated cracks hardly move A_2: that makes \
-                     its figure great, not its scatter. The room's attenuation, which the dissertation suspects, is not \
+            remark: "Half as much again. Eq. 54 divides by the range, and the simulated cracks hardly move A_2: this, \
+                     not its scatter, makes its figure large. The room's attenuation, which the dissertation suspects, is not \
                      simulated.",
         },
         Claim {
@@ -161,12 +161,12 @@ fn severity(turn: &[&Tap]) -> Result<Vec<Claim>> {
             dissertation: "",
             ours: format!("{}; {}", scaled(&a_1, 1e3), list(&pr, ", ")),
             agrees: Agrees::from(rises(&a_1) && rises(&pr)),
-            remark: "Step by step. Built so, as to the direction.",
+            remark: "Step by step. The direction was built in.",
         },
         Claim {
             id: "severity-saturates",
             place: "5.4.3, Figs. 66, 67",
-            claim: "A_1 and PR change less and less as severity grows, F_max and tau go on",
+            claim: "A_1 and PR change less and less as severity grows, F_max and tau do not",
             quantity: "share of the change that comes after severity 1: F_max, tau; A_1, PR",
             dissertation: "",
             ours: format!("{}; {}", list(&of_force, ", "), list(&of_sound, ", ")),
@@ -206,7 +206,7 @@ fn cracked_and_sound(turn: &[&Tap]) -> Result<Vec<Claim>> {
         Claim {
             id: "sound-tells-better",
             place: "5.4.3, Figs. 66, 67",
-            claim: "the sound tells cracked from sound places better than the force",
+            claim: "the sound separates cracked from sound places better than the force",
             quantity: "distance of the medians in standard deviations of sound places: F_max, tau; A_1, PR",
             dissertation: "",
             ours: format!("{}; {}", named(&force), named(&sound)),
@@ -217,17 +217,17 @@ fn cracked_and_sound(turn: &[&Tap]) -> Result<Vec<Claim>> {
         Claim {
             id: "boxes-apart",
             place: "5.4.3, Fig. 69",
-            claim: "each of the discriminators parts cracked from sound places",
+            claim: "each of the discriminators separates cracked from sound places",
             quantity: "AUC of each alone",
             dissertation: "",
             ours: named(&single),
             agrees: Agrees::from(numbers(&single).all(|auc| auc > 0.9)),
-            remark: "All six above 0.9, from one tap a place; F_max turned round. How strong the cracks are is our choice.",
+            remark: "All six above 0.9, from one tap a place; F_max with its sign reversed. How strong the cracks are is our choice.",
         },
         Claim {
             id: "boxes-spread",
             place: "5.4.3, Fig. 69",
-            claim: "the box over cracks is to be wide and that of sound places narrow; PR and E_f show that least",
+            claim: "the box should be wide over cracks and narrow over sound places; PR and E_f show this least",
             quantity: "height of the box over cracks over that of sound places",
             dissertation: "",
             ours: named(&spread),

@@ -50,13 +50,13 @@ fn offsets(experiment: &Experiment) -> Result<Vec<Claim>> {
         Claim {
             id: "offset-contrast",
             place: "5.4.1, Fig. 60",
-            claim: "at the belt edge the peak of the sound tells cracked from sound best",
+            claim: "at the belt edge the peak of the sound separates cracked from sound places best",
             quantity: "largest peak over the median of sound places, at 0, 5, 10, 15 mm",
             dissertation: "1.4 V over 0.4 V, 3.5, at 0 mm",
             ours: list(&ratios, ", "),
             agrees: Agrees::from(ratios.iter().skip(1).all(|ratio| *ratio < ratios[0])),
-            remark: "Built so: a crack gapes at the belt edge and closes towards its tip. The size of the contrast is the \
-                     next line.",
+            remark: "Built so: a crack gapes at the belt edge and closes towards its tip. The size of the contrast is in \
+                     the next row.",
         },
         Claim {
             id: "offset-contrast-size",
@@ -87,8 +87,8 @@ fn offsets(experiment: &Experiment) -> Result<Vec<Claim>> {
             dissertation: "about 1 V at 0 mm",
             ours: list(&spans, ", "),
             agrees: Agrees::from(rises(&falling) && flat.is_some_and(|flat| flat < 0.35)),
-            remark: "Falling, and at 15 mm below 0.35 of that at 0 mm. Built to fall: what is felt of a crack falls as a \
-                     squared cosine over its length, but of the longest, 25 mm, a third is felt at 15 mm yet.",
+            remark: "Falling, and at 15 mm below 0.35 of that at 0 mm. Built to fall: the effect of a crack falls as a \
+                     squared cosine over its length, but for the longest, 25 mm, a third remains at 15 mm.",
         },
         Claim {
             id: "unseen-crack",
@@ -164,7 +164,7 @@ fn one_place(experiment: &Experiment) -> Result<Vec<Claim>> {
             dissertation: "almost 0",
             ours: list(&flatness, " and "),
             agrees: Agrees::from(flatness.iter().all(|slope| slope.abs() < 0.25)),
-            remark: "Below a quarter. A power of velocity has no velocity at which it ends.",
+            remark: "Below a quarter. A power law in velocity never levels off.",
         },
         Claim {
             id: "velocity-irregular",
@@ -180,7 +180,7 @@ fn one_place(experiment: &Experiment) -> Result<Vec<Claim>> {
         Claim {
             id: "velocity-usable",
             place: "5.4.2",
-            claim: "the velocity must stay below 2 m/s for the contact time to tell cracks",
+            claim: "the velocity must stay below 2 m/s for the contact time to show cracks",
             quantity: "distance of cracked from sound tau in standard deviations of a tap, up to 2 m/s and above",
             dissertation: "",
             ours: format!("{} and {}", digits(slow), digits(fast)),
@@ -233,7 +233,7 @@ fn velocities(experiment: &Experiment) -> Result<Vec<Claim>> {
             dissertation: "",
             ours: format!("{}; {}", list(&milli, ", "), list(&peak_spans, ", ")),
             agrees: Agrees::from(widest(&tau_spans)? < 1.2 && by_velocity < 1.2),
-            remark: "Within a fifth, both. Sound that goes with force is scaled by velocity, not shifted.",
+            remark: "Within a fifth, both. Sound that is proportional to force is scaled by velocity, not shifted.",
         },
         Claim {
             id: "velocity-below-location",

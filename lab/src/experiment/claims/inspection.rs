@@ -92,8 +92,8 @@ fn both_shoulders(experiment: &Experiment) -> Result<Vec<Claim>> {
             dissertation: "",
             ours: named(&others),
             agrees: Agrees::NotTestable,
-            remark: "A sound place of the simulation is as sound on either shoulder; what is left is the shoulders' own \
-                     scatter, and its sign another seed draws anew.",
+            remark: "A sound place of the simulation is the same on both shoulders; what is left is the shoulders' own \
+                     scatter, whose sign changes with the seed.",
         },
         Claim {
             id: "second-shoulder-beginning",
@@ -175,7 +175,7 @@ fn damage(experiment: &Experiment) -> Result<Vec<Claim>> {
             dissertation: "",
             ours: format!("{}, and {} of {name_of_best}", digits(auc), digits(best)),
             agrees: if best < AUC_FULL { Agrees::from(auc >= best) } else { Agrees::NotTestable },
-            remark: "Not below, where the best one leaves something to gain: cracks as strong as these leave nothing.",
+            remark: "Not below, if the best one leaves room for improvement: with cracks as strong as these it leaves none.",
         },
         Claim {
             id: "new-tyre-zero",

@@ -114,7 +114,7 @@ fn measure(bench: &Bench) -> Result<Panel> {
     Ok(Panel {
         name: "contact",
         title: "How much of the contact must be modelled?",
-        question: "A contact can be had from a closed form, from a table, or from an equation of motion with more or less in it. \
+        question: "A contact can be computed from a closed form, from a table, or from an equation of motion with more or less in it. \
                    Which is enough for a scene?",
         notes: vec![
             "The error is the largest relative difference in peak force, contact time, deepest position and restitution; nine \

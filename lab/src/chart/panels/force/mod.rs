@@ -59,7 +59,7 @@ fn measure(bench: &Bench) -> Result<Panel> {
                 .to_owned(),
             "Every estimator of tau gives a skewed pulse a shorter duration than its contact. Pulses of one shape lose the same part. \
              That is most of the error here, and does not matter to an index, which compares with the rest of the ring. So detection is \
-             shown beside it, on casings with faint cracks tapped twice at the belt edge: tau alone, mean of three neighbours. What the index finds by \
+             shown beside it, on casings with faint cracks tapped twice at the belt edge: tau alone, mean of three neighbours. What the index finds with \
              each is in the panel `settings`."
                 .to_owned(),
         ],

@@ -51,14 +51,14 @@ fn measure(bench: &Bench) -> Result<Panel> {
     let tables = vec![table::by_length(bench, &lengths, &found_lengths)?];
     Ok(Panel {
         name: "recording",
-        title: "How long must a record be, how fast and how fine?",
-        question: "The rig waits for a record to end, and every stage carries and reads its samples. How much of it finds cracks?",
+        title: "Which length, rate and resolution must a record have?",
+        question: "The rig waits for a record to end, and every stage carries and reads its samples. How much of it helps find cracks?",
         notes: vec![
-            "The same taps, cut: one turn at each of two offsets, by a reference read likewise. Faint and strong cracks of both \
-             populations, and faint ones beside eight times the noise, all locations together; the table has each scene."
+            "The same taps, shortened: one turn at each of two offsets, with an equally shortened reference. Faint and strong cracks of both \
+             populations, and faint ones in eight times the noise, all locations together; the table has each scene."
                 .to_owned(),
             "Sample rates and bits are of faint cracks in smooth casings alone, with and without that noise, in records of 0.1 s. Another \
-             rate is another simulation, with the same noise a sample. The force's range is 222 N, of which a tap uses a tenth."
+             rate is another simulation, with the same noise per sample. The force's range is 222 N, of which a tap uses a tenth."
                 .to_owned(),
             "Bytes are both channels of taps of `model`, packed with `lz4`. Shared memory and disk without a codec carry 4 bytes a \
              sample pair. Samples whose number is no power of two pack and transform less well: 0.06 s are 2458 of them, 0.05 s 2048."
