@@ -19,8 +19,8 @@ pub(crate) struct Status {
     /// When it was taken, in ns since the Unix epoch.
     pub at_ns: i64,
     pub is_ending: bool,
-    /// Whether the archive cannot be written, so that the line waits.
-    pub is_held: bool,
+    /// Why the archive cannot be written, so that the line waits.
+    pub held_by: Option<String>,
     /// What keeps the line from going on as it should at this moment; empty while it does.
     pub troubles: Vec<String>,
     pub taps_per_s: f64,

@@ -80,7 +80,7 @@ fn who_looks_on_changes_nothing() {
     for status in &statuses {
         let stages = status["stages"].as_array().unwrap();
         assert!(stages.len() >= 4 && stages.iter().all(|stage| stage["restarts"] == 0), "{status}");
-        assert_eq!((&status["lost_count"], &status["is_held"]), (&0.into(), &false.into()));
+        assert_eq!((&status["lost_count"], &status["held_by"]), (&0.into(), &Value::Null));
     }
     assert_like_undisturbed(&sandbox, &verdicts, "watched");
     let refused = sandbox.run("status --out alone --json").expect(1);

@@ -255,6 +255,7 @@ impl<'a> Supervisor<'a> {
                     }
                 }
                 Some(RecordKind::Closed) => self.closed(&header, PathBuf::from(text_of(&record))),
+                Some(RecordKind::Alarm) => self.held(text_of(&record)),
                 Some(RecordKind::Refusal) if number != 0 => self.lost_file(number, &text_of(&record)),
                 Some(RecordKind::Refusal) => {
                     let reason = text_of(&record);
@@ -309,6 +310,15 @@ impl<'a> Supervisor<'a> {
         let Some(place) = self.open.iter().position(|casing| casing.number == number) else { return };
         let casing = self.open.swap_remove(place);
         self.alarm(format!("casing {}: {reason}; it is tapped anew", casing.name));
+    }
+
+    /// Notes why the archive cannot be written; an empty text ends that.
+    fn held(&mut self, why: String) {
+        let why = Some(why).filter(|why| !why.is_empty());
+        if let Some(why) = why.as_ref().filter(|_| why != self.shown.held_by) {
+            self.alarm(why.clone());
+        }
+        self.shown.held_by = why;
     }
 
     fn leave_out(&mut self, text: String) {
@@ -369,7 +379,6 @@ impl<'a> Supervisor<'a> {
             station.casing = self.open.iter().rev().find(of).map(Open::status);
         }
         self.shown.stages = self.stages.statuses();
-        self.shown.is_held = self.open.iter().any(|casing| casing.header.is_stalled != 0);
         self.shown.lost_count = self.open.iter().map(|casing| casing.header.lost_count).max().unwrap_or(0);
         self.shown.settled_count = self.settled() as u64;
         self.shown.taps_per_s = self.rate.taps_per_s();
@@ -390,12 +399,12 @@ impl<'a> Supervisor<'a> {
 
     /// What keeps the line from going on as it should.
     fn troubles(&self) -> Vec<String> {
-        let of_line = [
+        let is_so = [
             (self.shown.is_ending, "the line is ending"),
-            (self.shown.is_held, "the archive cannot be written: the line waits; its log has the reason"),
             (self.silence.is_long(), "store does not answer: its disk is slow or hangs"),
         ];
-        let of_line = of_line.into_iter().filter(|(is_so, _)| *is_so).map(|(_, text)| text.to_owned());
+        let is_so = is_so.into_iter().filter(|(is_so, _)| *is_so).map(|(_, text)| text.to_owned());
+        let of_line = self.shown.held_by.clone().into_iter().chain(is_so);
         let of_wires = self.audience.wires.as_ref().and_then(Wires::trouble);
         let of_receivers = self.shown.receivers.iter().filter_map(|receiver| receiver.trouble.clone());
         of_line.chain(self.stages.troubles()).chain(of_wires).chain(of_receivers).collect()

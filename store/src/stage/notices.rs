@@ -50,7 +50,10 @@ impl<'a> Notices<'a> {
             let publisher = Publisher::open_to(line, role)?;
             Ok(Receiver { role, publisher, generation: 0, once: VecDeque::new() })
         });
-        Ok(Self { receivers: receivers.collect::<Result<_, LineError>>()?, is_pending: false })
+        let mut notices = Self { receivers: receivers.collect::<Result<_, LineError>>()?, is_pending: false };
+        // The process before this one may have been killed while it waited.
+        notices.outage("");
+        Ok(notices)
     }
 
     pub(super) fn are_pending(&self) -> bool {
@@ -77,6 +80,14 @@ impl<'a> Notices<'a> {
         header.stamp.casing = stamp.casing;
         let acquire = u16::try_from(stamp.source).unwrap_or(u16::MAX);
         self.answer(acquire, RecordKind::Refusal, header, "its file under way is not there any more, or is damaged");
+    }
+
+    /// Queues for the supervisor why the archive cannot be written; empty when it can.
+    pub(super) fn outage(&mut self, why: &str) {
+        for receiver in self.receivers.iter_mut().filter(|receiver| receiver.role == Role::Supervisor) {
+            let header = CasingHeader::default();
+            receiver.once.push_back(Once { kind: RecordKind::Alarm, header, text: why.to_owned(), marker: None });
+        }
     }
 
     /// Queues the notice that a proposal is refused, or its casing finished already, for the station and the supervisor.

@@ -63,8 +63,7 @@ impl StageLoop<'_> {
         }
         let since = Instant::now();
         let mut logged_at = since;
-        log(&error);
-        self.hold(true)?;
+        self.hold(&error)?;
         if error.is_file_system_failure() {
             return Err(write_failure(error));
         }
@@ -73,14 +72,14 @@ impl StageLoop<'_> {
                 return Err(write_failure(next));
             }
             if next.to_string() != error.to_string() || logged_at.elapsed() >= LOG_EVERY {
-                log(&next);
+                self.hold(&next)?;
                 logged_at = Instant::now();
             }
             error = next;
             self.pause()?;
         }
         tracing::warn!("the archive is written again after {:.1} s; nothing is lost", since.elapsed().as_secs_f64());
-        self.hold(false)
+        self.release()
     }
 
     /// Calls `act`, which creates a file, until the disk permits it.
@@ -91,15 +90,14 @@ impl StageLoop<'_> {
                 Err(error) if error.is_file_system_failure() => return Err(write_failure(error)),
                 Err(error) if error.is_recoverable() => {
                     if logged_at.is_none_or(|at: Instant| at.elapsed() >= LOG_EVERY) {
-                        log(&error);
+                        self.hold(&error)?;
                         logged_at = Some(Instant::now());
-                        self.hold(true)?;
                     }
                     self.pause()?;
                 }
                 outcome => {
                     if logged_at.is_some() {
-                        self.hold(false)?;
+                        self.release()?;
                     }
                     return Ok(outcome?);
                 }
@@ -107,8 +105,21 @@ impl StageLoop<'_> {
         }
     }
 
-    /// Notifies the other stages whether the archive can be written.
-    fn hold(&mut self, is_held: bool) -> Result<(), RunError> {
+    /// Logs why the archive cannot be written, and notifies the other stages.
+    fn hold(&mut self, error: &Error) -> Result<(), RunError> {
+        let why = format!("{error}; the line waits and nothing is lost: {}", error.remedy());
+        tracing::error!("{why}");
+        self.notices.outage(&why);
+        self.notify(true)
+    }
+
+    /// Notifies the other stages that the archive can be written again.
+    fn release(&mut self) -> Result<(), RunError> {
+        self.notices.outage("");
+        self.notify(false)
+    }
+
+    fn notify(&mut self, is_held: bool) -> Result<(), RunError> {
         self.is_held = is_held;
         for casing in &mut self.open {
             (casing.acquire.ledger, casing.supervisor.ledger) = (true, true);
@@ -150,8 +161,4 @@ pub(super) fn settle_at_end(mut writer: Writer) -> Result<(), RunError> {
         }
         Err(error) => Err(write_failure(error)),
     }
-}
-
-fn log(error: &Error) {
-    tracing::error!("{error}; the line waits and nothing is lost: {}", error.remedy());
 }

@@ -21,7 +21,7 @@ pub enum RecordKind {
     Ledger,
     /// A casing's file is closed; its path follows as text.
     Closed,
-    /// What people should know of a station; it follows as text.
+    /// What people should know of a station, or why the archive cannot be written; it follows as text.
     Alarm,
 }
 
