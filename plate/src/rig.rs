@@ -15,8 +15,8 @@ const DAMPING_S_PER_M: f64 = 0.75;
 const SOUND_SAMPLES: usize = 6;
 /// Speed of sound in air.
 const SOUND_M_PER_S: f64 = 343.0;
-/// Samples between first touch and trigger.
-const TRIGGER_SAMPLES: f64 = 2.0;
+/// Time between first touch and trigger, s.
+const TRIGGER_S: f64 = 2.0 / 40_960.0;
 /// Runge-Kutta steps per sample.
 const PARTS: u32 = 2;
 
@@ -145,7 +145,7 @@ impl Rig {
             self.force_n.extend_from_slice(&self.second_n);
         }
 
-        let first = (self.pre_trigger_samples as f64 - TRIGGER_SAMPLES) as usize;
+        let first = (self.pre_trigger_samples as f64 - TRIGGER_S * self.sample_rate_hz) as usize;
         force_n.fill(0.0);
         for (out, force) in force_n.iter_mut().skip(first).zip(&self.force_n) {
             *out = (gains.force * force) as f32;

@@ -10,11 +10,12 @@ use tapline_store::Reader;
 use tapline_wire::Scan;
 
 use crate::folder::Draft;
-use crate::taps::{COLUMNS, ListedTap, TapCounts, TapFolder, Taps, cells, scan_names};
+use crate::taps::{COLUMNS, ListedTap, TapCounts, TapFolder, Taps, cells, known, scan_names};
 use crate::{Error, Result};
 
-/// The column after [`COLUMNS`]: which part of its file a tap is, from 1, as `tapline import` takes it.
-const PART: &str = "part";
+/// The columns after [`COLUMNS`], as `tapline import` takes them: which part of its file a tap is, from 1, and the distance that
+/// times of the sound are counted with.
+const OWN_COLUMNS: [&str; 2] = ["part", "microphone_distance_m"];
 
 /// Lists a tap with the part of the file that it is; with none where the file does not have it.
 pub(crate) type List<'a> = dyn FnMut(&ListedTap<'_>, &str) -> Result<()> + 'a;
@@ -42,7 +43,7 @@ impl<F: ScanFormat> ScanFiles<F> {
     pub(crate) fn begin(folder: &Path, format: F) -> Result<Self> {
         let draft = Draft::new(folder)?;
         let mut list = csv::Writer::from_path(draft.path("taps.csv")?)?;
-        list.write_record(COLUMNS.iter().chain(&[PART]))?;
+        list.write_record(COLUMNS.iter().chain(&OWN_COLUMNS))?;
         Ok(Self { format, draft, list, counts: TapCounts::default(), last: folder.to_owned() })
     }
 }
@@ -56,7 +57,10 @@ impl<F: ScanFormat> TapFolder for ScanFiles<F> {
             let file = file_of(&name);
             let path = self.draft.path(&file)?;
             let mut list = |tap: &ListedTap<'_>, part: &str| {
-                Ok(self.list.write_record(cells(tap, &file).iter().map(String::as_str).chain([part]))?)
+                let header = tap.record.as_ref().ok().map(|(header, _)| header);
+                let distance_m = known(header.map(|header| header.microphone_distance_m));
+                let own = [part, &distance_m];
+                Ok(self.list.write_record(cells(tap, &file).iter().map(String::as_str).chain(own))?)
             };
             self.format.write(&taps, scan, &name, &path, &mut list)?;
         }

@@ -4,8 +4,11 @@ use crate::verdict::whole_shoulder::CASINGS_MIN;
 use crate::{FuseConfig, KnownShoulder, Reference, ReferenceSet};
 
 /// The least rate of false calls that `casing_count` casings support without assuming a distribution; `None` of fewer than two.
+///
+/// Of n + 1 sound casings each is as likely as any other to have the strongest arc. The shoulders of a casing may be alike, so they
+/// do not count twice.
 pub(crate) fn supported_rate(casing_count: usize) -> Option<f64> {
-    (casing_count > 1).then(|| 1.0 / (2.0 * casing_count as f64 + 1.0))
+    (casing_count > 1).then(|| 1.0 / (casing_count as f64 + 1.0))
 }
 
 /// What verdicts by `config` cannot rest on its reference for, `set` where that is a file; for people to read.
@@ -34,7 +37,7 @@ pub fn tapped_once(set: &ReferenceSet) -> Option<String> {
     };
     (!set.shoulders.iter().any(has_repeats)).then(|| {
         "reference: no place was tapped twice, which would tell how far taps of one place differ: more sound shoulders than stated \
-         will fail to pass; scan more sound casings, or with scan.repetitions = 2"
+         may fail to pass; scan more sound casings, or with scan.repetitions = 2"
             .to_owned()
     })
 }
@@ -66,8 +69,8 @@ mod tests {
     #[test]
     fn a_remark_tells_what_casings_support() {
         // Catches a rate that nobody vouches for, one that is supported and remarked, and digits that say nothing.
-        assert_eq!(remark(12, "r", 0.05), None);
-        let text = "r: 12 casings support 4 % without assumption; 0.1 % is extrapolated";
+        assert_eq!(remark(12, "r", 0.08), None);
+        let text = "r: 12 casings support 7.692 % without assumption; 0.1 % is extrapolated";
         assert_eq!(remark(12, "r", 0.001).as_deref(), Some(text));
         assert!(remark(1, "r", 0.3).is_some_and(|text| text.contains("one casing supports no rate")));
         assert!(remark(0, "r", 0.3).is_some_and(|text| text.contains("its own reference")));

@@ -21,9 +21,19 @@ fn pulse_at(tap: &Tap) -> usize {
     (0..tap.force.len()).max_by(|&i, &j| tap.force[i].total_cmp(&tap.force[j])).unwrap()
 }
 
+static OF_MODEL: LazyLock<Vec<Tap>> = LazyLock::new(|| of_model(RATE_HZ));
+static OF_PLATE: LazyLock<Vec<Tap>> = LazyLock::new(|| of_plate(RATE_HZ));
+
+/// Samples of 50 ms, and of the time before the trigger.
+fn counts(rate_hz: f64) -> (u32, u32) {
+    ((0.05 * rate_hz) as u32, (rate_hz / 160.0) as u32)
+}
+
 /// Taps of the model's sound and cracked tyres, in 16-bit counts, 50 ms and 400 ms each.
-static OF_MODEL: LazyLock<Vec<Tap>> = LazyLock::new(|| {
-    let short = SimulationConfig::default();
+fn of_model(rate_hz: f64) -> Vec<Tap> {
+    let (sample_count, pre_trigger_samples) = counts(rate_hz);
+    let short =
+        SimulationConfig { sample_rate_hz: rate_hz, sample_count, pre_trigger_samples, ..SimulationConfig::default() };
     let long = SimulationConfig { sample_count: 8 * short.sample_count, ..short.clone() };
     let mut rigs = [long, short].map(|config| rig_with_tyres(&config, 21));
     let tap = |k: u32| {
@@ -32,12 +42,13 @@ static OF_MODEL: LazyLock<Vec<Tap>> = LazyLock::new(|| {
         tap
     };
     (0..COUNT).map(tap).collect()
-});
+}
 
 /// Taps of the plate's sound and cracked casings of a rough population, as floats, 50 ms and 200 ms each.
-static OF_PLATE: LazyLock<Vec<Tap>> = LazyLock::new(|| {
+fn of_plate(rate_hz: f64) -> Vec<Tap> {
     let population = Population { rogue: 0.0, ..Population::rough() };
-    let mut rig = Rig::new(&population, RATE_HZ, 256).unwrap();
+    let (short, pre_trigger_samples) = counts(rate_hz);
+    let mut rig = Rig::new(&population, rate_hz, pre_trigger_samples).unwrap();
     let tap = |k: u32| {
         let number = k % 16;
         let size = f64::from(number / 4);
@@ -55,20 +66,21 @@ static OF_PLATE: LazyLock<Vec<Tap>> = LazyLock::new(|| {
             repetition: (k / 100) as u16,
             attempt: 0,
         };
-        let count = [2048_u32, 8192][k as usize / 5 % 2];
+        let count = [short, 4 * short][k as usize / 5 % 2];
         let (mut force, mut sound) = (vec![0.0; count as usize], vec![0.0; count as usize]);
         let measured = rig.record(&casing, &tap, &mut force, &mut sound);
         Tap {
             header: TapHeader {
                 microphone_distance_m: rig.microphone_distance_m(),
-                ..header(SampleFormat::F32, count, 256, (velocity_m_per_s, measured), [1.0; 2])
+                sample_rate_hz: rate_hz,
+                ..header(SampleFormat::F32, count, pre_trigger_samples, (velocity_m_per_s, measured), [1.0; 2])
             },
             force: force.into_iter().map(f64::from).collect(),
             sound: sound.into_iter().map(f64::from).collect(),
         }
     };
     (0..COUNT).map(tap).collect()
-});
+}
 
 /// Plants a fault in tap number k of either simulator, false where that tap cannot have it, and checks that one of the flags
 /// of `flag` is raised.
@@ -93,15 +105,28 @@ fn assert_flagged(flag: Quality, what: &str, plant: impl Fn(usize, &mut Tap) -> 
 /// Catches a flag that cries wolf: no flag in more than 1 of 100 clean taps, over cracks too, of either simulator.
 #[test]
 fn clean_taps_are_clean() {
-    for (name, taps) in [("model", &*OF_MODEL), ("plate", &*OF_PLATE)] {
-        let flags: Vec<Quality> = taps.iter().map(Tap::flags).collect();
-        for &(flag, flag_name) in Quality::ALL {
-            let raised = flags.iter().filter(|quality| quality.contains(flag)).count();
-            if raised > 0 {
-                eprintln!("{name}: {flag_name} in {raised} of {} clean taps", taps.len());
-            }
-            assert!(100 * raised <= taps.len(), "{name}: {flag_name} in {raised} of {} clean taps", taps.len());
+    assert_clean("model", &OF_MODEL);
+    assert_clean("plate", &OF_PLATE);
+}
+
+/// Catches a flag that takes the coarse steps of a low sample rate for a fault, down to where `undersampled` is raised.
+#[test]
+fn clean_taps_are_clean_at_low_rates() {
+    for rate_hz in [20_000.0, 16_000.0, 12_800.0] {
+        assert_clean(&format!("model at {rate_hz} Hz"), &of_model(rate_hz));
+        assert_clean(&format!("plate at {rate_hz} Hz"), &of_plate(rate_hz));
+    }
+}
+
+#[track_caller]
+fn assert_clean(name: &str, taps: &[Tap]) {
+    let flags: Vec<Quality> = taps.iter().map(Tap::flags).collect();
+    for &(flag, flag_name) in Quality::ALL {
+        let raised = flags.iter().filter(|quality| quality.contains(flag)).count();
+        if raised > 0 {
+            eprintln!("{name}: {flag_name} in {raised} of {} clean taps", taps.len());
         }
+        assert!(100 * raised <= taps.len(), "{name}: {flag_name} in {raised} of {} clean taps", taps.len());
     }
 }
 
