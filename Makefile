@@ -12,7 +12,7 @@ PACKAGED = target/package
 
 .PHONY: setup python demo listen test gates bench install packaged package atlas
 
-# Rust, gcc and make are taken for granted; all else is asked for here, and only what is missing is installed.
+# Rust, gcc and make must be there; everything else is checked here, and only what is missing is installed.
 define install
 	@missing=""; for package in $(1); do \
 	  dpkg-query -W -f='$${Status}' $$package 2>/dev/null | grep -q 'install ok installed' || missing="$$missing $$package"; \
@@ -27,7 +27,7 @@ endef
 setup:
 	$(call install,$(PACKAGES))
 
-# What tests read files and pages back with, Python's part in a folder of its own. With TAPLINE_REQUIRE_ALL=1 no test is skipped.
+# What tests read files and pages with; Python in its own folder. With TAPLINE_REQUIRE_ALL=1 no test is skipped.
 PYTHON = target/python/bin/python
 python: setup
 	$(call install,chromium iproute2 mosquitto mosquitto-clients)
@@ -45,7 +45,7 @@ demo: setup
 	target/demo/tapline report $(DEMO)/casings --force --out $(DEMO)/report
 	@echo "Each casing's archive is in $(DEMO)/casings; the result is $(DEMO)/verdicts.csv, with regions.csv, damage.csv and discriminators.csv beside it; read $(DEMO)/report/shift.html."
 
-# A scan through a sound card, which is a pipe here: two casings, in about a minute once built.
+# A scan through a sound card, here a pipe: two casings, in about a minute once built.
 listen: setup
 	cargo build --release -p tapline
 	examples/listen/run.sh target/release/tapline $(LISTEN)
@@ -67,7 +67,7 @@ bench: setup
 	TAPLINE_BENCH_PYTHON=$(CURDIR)/$(BENCH_PYTHON) cargo bench -p tapline-bench --features zeromq
 	cargo run --release -p tapline-bench
 
-# What is made of the built program: manual pages, completions, a complete configuration.
+# What the built program generates: manual pages, completions, a complete configuration.
 packaged:
 	@rm -rf $(PACKAGED) && mkdir -p $(PACKAGED)/completions
 	@$(BINARIES)/tapline man $(PACKAGED)/man
@@ -76,7 +76,7 @@ packaged:
 	@$(BINARIES)/tapline completions fish > $(PACKAGED)/completions/tapline.fish
 	@$(BINARIES)/tapline config --example > $(PACKAGED)/line.toml
 
-# After `cargo build --release -p tapline`, for example as `sudo make install`. A configuration that is there stays.
+# After `cargo build --release -p tapline`, for example as `sudo make install`. An existing configuration stays.
 install: packaged
 	install -D -m 755 $(BINARIES)/tapline $(DESTDIR)$(PREFIX)/bin/tapline
 	install -d $(DESTDIR)$(PREFIX)/share/man/man1

@@ -1,8 +1,8 @@
-//! Tells the program what its results are computed by: a digest of the sources of each crate that computes, and one of the
-//! versions of what these crates compute with.
+//! Tells the program what computes its results: a digest of the sources of each crate that computes, and one of
+//! the versions of what these crates use.
 //!
-//! Results carry these digests, so that numbers made by different sources are never taken for the same. What only shows,
-//! moves or stores numbers is not among them.
+//! Results carry these digests, so that numbers from different sources are never taken for the same. What only shows,
+//! moves or stores numbers is not included.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -30,14 +30,14 @@ fn tell(name: &str, digest: &str) {
     println!("cargo::rustc-env=TAPLINE_SOURCE_{}={digest}", name.to_uppercase());
 }
 
-/// Names of the crates that a manifest's program depends on; what only its tests need is left out.
+/// Names of the crates that a manifest depends on, except those that only its tests need.
 fn dependencies(manifest: &str) -> Vec<String> {
     let lines = manifest.lines().skip_while(|line| *line != "[dependencies]").skip(1);
     let lines = lines.take_while(|line| !line.starts_with('['));
     lines.filter_map(|line| line.split(['.', ' ', '=']).next()).filter(|n| !n.is_empty()).map(str::to_owned).collect()
 }
 
-/// Of the lock file `lock` the versions of `direct` and of all that these depend on, a line each.
+/// The versions in the lock file `lock` of `direct` and of all that these depend on, one per line.
 fn versions(lock: &str, direct: BTreeSet<String>) -> String {
     let mut packages: BTreeMap<&str, Vec<(&str, Vec<&str>)>> = BTreeMap::new();
     for package in lock.split("[[package]]").skip(1) {
@@ -48,7 +48,7 @@ fn versions(lock: &str, direct: BTreeSet<String>) -> String {
     }
     let (mut found, mut open) = (BTreeSet::new(), Vec::from_iter(direct));
     while let Some(name) = open.pop() {
-        // Those of the workspace are told by their sources.
+        // Those of the workspace have digests of their sources.
         if name.starts_with("tapline-") || !found.insert(name.clone()) {
             continue;
         }

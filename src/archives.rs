@@ -1,6 +1,6 @@
-//! Which archives a verb works on: the files that are named, and those in the folders that are.
+//! Which archives a verb works on: the named files, and those in the named folders.
 //!
-//! For which files a folder stands, [`tapline_store::Folder`] says.
+//! [`tapline_store::Folder`] decides which files of a folder count.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use tapline_host::progress::{Progress, Unit};
 pub(crate) enum Which {
     /// The archives of casings.
     Casings,
-    /// The newest results that `tapline reprocess` made of each.
+    /// The newest results of `tapline reprocess` for each.
     Results,
     /// All of them.
     All,
@@ -34,17 +34,17 @@ impl Which {
 pub(crate) struct ArchiveFile {
     /// Where it is.
     pub path: PathBuf,
-    /// Its path within the folder that was named; its own name where it was named itself.
+    /// Its path within the named folder; its file name if the file itself was named.
     pub name: PathBuf,
 }
 
 impl ArchiveFile {
-    /// Its size; 0 where it cannot be had.
+    /// Its size; 0 if it cannot be read.
     fn bytes(&self) -> u64 {
         self.path.metadata().map_or(0, |there| there.len())
     }
 
-    /// Name of the casing whose archive or results it is: that of the archive without its ending.
+    /// Name of the casing whose archive or results it is: the archive's name without its ending.
     pub(crate) fn casing(&self) -> String {
         let archive = archive_of(&self.path).unwrap_or_else(|| self.path.clone());
         archive.file_stem().unwrap_or_default().to_string_lossy().into_owned()
@@ -57,15 +57,15 @@ pub(crate) struct Archives {
     pub files: Vec<ArchiveFile>,
     /// Files of the folders that are not finished.
     pub unfinished: Vec<PathBuf>,
-    /// Whether a folder was named, or several files: whatever is made is made of many then.
+    /// Whether a folder or several files were named: then any output is made of many.
     pub is_many: bool,
 }
 
 impl Archives {
-    /// The files at `paths`, in the order in which they are named, and of a folder in the order of their names; each once.
+    /// The files at `paths`, each once, in the order in which they are named; files of a folder in alphabetical order.
     ///
     /// # Errors
-    /// A path at which nothing is, a folder without such a file, or an error of the system.
+    /// A path that does not exist, a folder without such a file, or a system error.
     pub(crate) fn find<P: AsRef<Path>>(paths: &[P], which: Which) -> Result<Self> {
         let mut found = Self { is_many: paths.len() > 1, ..Self::default() };
         let mut known = BTreeSet::new();
@@ -81,7 +81,7 @@ impl Archives {
                     vec![ArchiveFile { path: path.to_owned(), name }]
                 }
             };
-            // The same by another path, or named beside its folder.
+            // The same file by another path, or named as well as its folder.
             found.files.extend(
                 files.into_iter().filter(|file| known.insert(file.path.canonicalize().unwrap_or(file.path.clone()))),
             );
@@ -129,7 +129,7 @@ fn and_unfinished(count: usize) -> String {
     }
 }
 
-/// How far a verb is that reads archives, by their bytes.
+/// Progress of a verb that reads archives, by their bytes.
 #[derive(Debug)]
 pub(crate) struct ArchiveProgress {
     progress: Progress,
@@ -151,7 +151,7 @@ impl ArchiveProgress {
         self.progress.update(self.done_bytes);
     }
 
-    /// Notes that this part of it, from 0 to 1, is done.
+    /// Notes that this fraction of it, from 0 to 1, is done.
     pub(crate) fn note_part(&mut self, part: f64) {
         #[expect(
             clippy::cast_possible_truncation,
@@ -169,11 +169,11 @@ impl ArchiveProgress {
     }
 }
 
-/// The outcome over many files: one that fails is named, and the others are done.
+/// The outcome over many files: a file that fails is named, and the others are still done.
 #[derive(Debug)]
 pub(crate) struct Outcome {
     is_many: bool,
-    /// Files that there are.
+    /// Number of files.
     count: usize,
     failed: usize,
     is_complete: bool,
@@ -184,10 +184,10 @@ impl Outcome {
         Self { is_many: archives.is_many, count: archives.files.len(), failed: 0, is_complete: true }
     }
 
-    /// What was had of `file`; `None` where it failed, which is printed.
+    /// The result for `file`; `None` if it failed, after printing why.
     ///
     /// # Errors
-    /// The error, where that file alone was named, or standard output cannot be written.
+    /// The error, if only that file was named, or standard output cannot be written.
     pub(crate) fn take<T, E>(&mut self, file: &ArchiveFile, had: Result<T, E>) -> Result<Option<T>>
     where
         E: Into<anyhow::Error>,
@@ -196,7 +196,7 @@ impl Outcome {
             Ok(value) => return Ok(Some(value)),
             Err(error) => error.into(),
         };
-        // What cannot be printed is no fault of the file.
+        // If nothing can be printed, the file is not at fault.
         if !self.is_many || tapline_host::stdout::fault().is_some() {
             return Err(error);
         }
@@ -206,24 +206,24 @@ impl Outcome {
         Ok(None)
     }
 
-    /// Whether a file could not be done.
+    /// Whether a file has failed.
     pub(crate) fn has_failed(&self) -> bool {
         self.failed > 0
     }
 
-    /// Notes whether what was had of a file was all of it.
+    /// Notes whether the result for a file was complete.
     pub(crate) fn note(&mut self, is_complete: bool) {
         self.is_complete &= is_complete;
     }
 
-    /// Whether all files were done, and each was whole.
+    /// Whether all files were done, and each was complete.
     ///
     /// # Errors
     /// That none was done.
     pub(crate) fn end(self) -> Result<bool> {
         let Self { count, failed, is_complete, .. } = self;
         if failed > 0 && failed == count {
-            bail!("none of {count} archives could be done");
+            bail!("none of {count} archives could be processed");
         }
         if failed > 0 {
             print_line(&format!("tapline: {failed} of {count} archives are left out, for the reasons above"));

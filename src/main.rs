@@ -60,13 +60,13 @@ fn main() -> ExitCode {
     }
 }
 
-/// Whether `verb` draws on the terminal, where a log would stand in the picture.
+/// Whether `verb` draws on the terminal, where a log would spoil the picture.
 fn draws(verb: &Verb) -> bool {
     cfg!(feature = "alsa") && matches!(verb, Verb::Monitor { .. })
 }
 
-/// Whether `verb` is done although nobody reads what it prints, as `head` does not: where that is all it does. `verify` also checks, and
-/// its exit code must not speak of what it did not come to. A stage reports to its line, which was killed then.
+/// Whether `verb` succeeds although its reader has gone, as `head` does: only if it just prints. `verify` also
+/// checks, and its exit code must not vouch for what it did not reach. A stage prints for its line, which is gone then.
 fn is_done_unread(verb: &Verb) -> bool {
     match verb {
         Verb::Export(args) => args.out.is_none(),
@@ -87,7 +87,7 @@ fn ends_in_order(verb: &Verb) -> bool {
 
 /// What comes before every verb.
 fn begin(verb: &Verb) -> anyhow::Result<()> {
-    // A write beyond the limit of a file's size then fails with a reason, where it would end the process without one.
+    // A write beyond the file size limit then fails with a reason, instead of ending the process without one.
     let is_beyond = Arc::new(AtomicBool::new(false));
     signal_hook::flag::register(rustix::process::Signal::XFSZ.as_raw(), is_beyond)
         .context("cannot listen to signals")?;
@@ -97,7 +97,7 @@ fn begin(verb: &Verb) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Does what was asked; whether the outcome is complete.
+/// Runs the verb; returns whether the outcome is complete.
 fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
     match verb {
         Verb::Run(args) => line::run(args),

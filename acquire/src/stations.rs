@@ -254,6 +254,8 @@ fn resolved(folder: &Path) -> PathBuf {
 
 /// Opens where the casings of `station` come from; `wake` is called when a rig has answered, or a tap was heard.
 ///
+/// How the last casing of a rig ended is kept in the folder `out` of the line.
+///
 /// # Errors
 /// [`Error`] for a value out of its bounds, a folder that cannot be made, or a thread that cannot be had.
 pub fn open_station(
@@ -262,6 +264,7 @@ pub fn open_station(
     scan: &ScanConfig,
     simulation: &SimulationConfig,
     capture: &CaptureConfig,
+    out: &Path,
     wake: Wake,
 ) -> Result<Box<dyn Arrivals>, Error> {
     station.validate()?;
@@ -280,6 +283,7 @@ pub fn open_station(
                 patience,
                 timeout,
                 home_timeout,
+                last_end: Some(out.join(format!(".rig-{number}"))),
                 retakes: acquire.retakes,
                 device: device.map(|device| (device, capture.clone())),
             };
@@ -401,7 +405,9 @@ mod tests {
         let open = |station| {
             let (scan, simulation) = (ScanConfig::default(), SimulationConfig::default());
             let capture = CaptureConfig::default();
-            open_station(station, &AcquireConfig::default(), &scan, &simulation, &capture, Arc::new(|| {})).unwrap()
+            let out = dir.path();
+            open_station(station, &AcquireConfig::default(), &scan, &simulation, &capture, out, Arc::new(|| {}))
+                .unwrap()
         };
         let mut opened: Vec<_> = stations.iter().map(open).collect();
         assert_eq!(opened.iter().map(|arrivals| arrivals.station()).collect::<Vec<_>>(), [4, 5, 6]);
@@ -419,7 +425,8 @@ mod tests {
         assert_eq!(station.device_name(), Some(DeviceName::Uldaq("DT9837A".to_owned())));
         let (scan, simulation) = (ScanConfig::default(), SimulationConfig::default());
         let (acquire, capture) = (AcquireConfig::default(), CaptureConfig::default());
-        let error = open_station(&station, &acquire, &scan, &simulation, &capture, Arc::new(|| {})).unwrap_err();
+        let error = open_station(&station, &acquire, &scan, &simulation, &capture, Path::new("."), Arc::new(|| {}))
+            .unwrap_err();
         let want = "capture.bits is 16; it must be 24 or 32, as source is \"uldaq\"";
         assert_eq!(error.to_string(), want);
         // Who sets the station up would see silence.

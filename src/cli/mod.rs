@@ -226,7 +226,7 @@ pub(crate) enum ModelVerb {
     Contact(ContactArgs),
 }
 
-/// Refuses what this build of the program does not have for want of a `feature`.
+/// Refuses what this build of the program lacks because it has no `feature`.
 pub(crate) fn built_without<T>(what: &str, feature: &str) -> anyhow::Result<T> {
     anyhow::bail!("this program was built without {what}: build it with `--features {feature}`")
 }

@@ -30,7 +30,7 @@ impl Job {
     /// Reads the configuration that `args` name and checks it.
     pub(crate) fn resolve(args: &SourceArgs) -> Result<Self> {
         if args.stations == Some(0) {
-            bail!("--stations is 0; at least one is needed");
+            bail!("--stations is 0; it must be at least 1");
         }
         let (mut config, mut config_toml) = read_config(args.config.as_deref())?;
         if let Some(text) = &args.reference {
@@ -46,7 +46,7 @@ impl Job {
             None => config.validate()?,
         }
         let out = match (&args.out, &args.taps) {
-            // A folder's name may end in a slash, and is the same run's.
+            // The name of a folder may end in a slash; it is the same folder.
             (Some(out), _) => out.components().collect(),
             (None, None) => PathBuf::from("simulated"),
             (None, Some(taps)) => {
@@ -83,7 +83,7 @@ impl Job {
         })
     }
 
-    /// The job of a stage, from the copy of its line.
+    /// The job of a stage, from the copy that its line made.
     pub(crate) fn of_copy(config_toml: &str, reference: Option<String>, out: PathBuf) -> Result<Self> {
         let config = Config::parse(config_toml).context("the line's copy of its configuration cannot be read")?;
         let reference = reference.map(ReferenceFile::of).transpose().context("cannot use the copy of the reference")?;

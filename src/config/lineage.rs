@@ -17,7 +17,7 @@ const SOURCES: [(&str, &str); 6] = [
     ("wire", env!("TAPLINE_SOURCE_WIRE")),
 ];
 
-/// Tables and keys that affect no result: how casings come and how fast, how samples are
+/// Tables and keys that affect no result: where casings come from, how fast, how samples are
 /// packed, where verdicts are published and what is printed with them.
 const AFFECT_NO_RESULT: [&str; 5] = ["line", "station", "report", "store", "acquire.taps_per_s"];
 
@@ -32,7 +32,7 @@ struct MadeBy<'a> {
     config: &'a Config,
 }
 
-/// The lines that an archive keeps of this program and of what of `config` affects results, every default spelled out.
+/// The lines that an archive keeps of this program and of the options in `config` that affect results, with defaults.
 pub(crate) fn made_by(config: &Config) -> Result<String> {
     let made_by = MadeBy { program: env!("CARGO_PKG_VERSION"), sources: SOURCES.into_iter().collect(), config };
     let mut table = toml::Table::try_from(made_by).context("the options do not fit TOML")?;
@@ -67,7 +67,7 @@ fn flatten(path: &str, value: &toml::Value, lines: &mut Vec<String>) {
     }
 }
 
-/// Those lines of `made_by` that affect discriminators: two archives that agree in them have the same discriminators.
+/// The lines of `made_by` that affect discriminators: archives that agree in them have the same discriminators.
 pub(crate) fn of_discriminators(made_by: &str) -> Vec<&str> {
     let is_of = |line: &&str| {
         line.starts_with("process.")
@@ -153,7 +153,7 @@ mod tests {
         }
     }
 
-    /// Catches an option that changes and leaves the key as it was.
+    /// Catches an option whose change leaves the key as it was.
     #[test]
     fn every_option_is_in_the_key() {
         let reference = tapline_fuse::Reference::Own;
@@ -167,7 +167,7 @@ mod tests {
         };
         assert_eq!(key(&slow()), key(&config), "the pace affects no result");
         let mut usual = toml::Table::try_from(&config).unwrap();
-        // Listed again: what is added there without a reason is found here.
+        // Listed again, so that an addition there without a reason is found here.
         for table in ["line", "station", "report", "store"] {
             usual.remove(table);
         }

@@ -44,7 +44,7 @@ pub(crate) struct Config {
     pub line: LineConfig,
     /// Its stations.
     pub station: Vec<StationConfig>,
-    /// What stands on reports.
+    /// What is printed on reports.
     pub report: ReportConfig,
 }
 
@@ -111,7 +111,7 @@ impl Config {
     /// Reads the TOML `text`.
     pub(crate) fn parse(text: &str) -> Result<Self> {
         let mut config: Self = parse::parse(text)?;
-        // No station waits, and no file keeps room, for taps that nobody asks for.
+        // No station waits, and no file reserves room, for taps that nobody asks for.
         config.scan.confirm &= config.fuse.confirms();
         Ok(config)
     }
@@ -127,9 +127,9 @@ impl Config {
     /// Checks the values of the tables against their bounds.
     ///
     /// # Errors
-    /// Names the first key that is out of them.
+    /// The first key that is out of bounds.
     pub(crate) fn validate(&self) -> Result<()> {
-        // How many stations there are is said elsewhere too: by `--stations`, or by the tables of a line.
+        // The number of stations may also come from `--stations`, or from the tables of a line.
         self.scan.for_line().validate()?;
         self.simulation.validate().context("[simulation]")?;
         self.capture.validate()?;

@@ -9,7 +9,7 @@ use toml::{Table, Value};
 /// Reads the TOML `text`.
 ///
 /// # Errors
-/// What is wrong and where.
+/// What is wrong, and where.
 pub(super) fn parse<T: DeserializeOwned + Serialize + Default>(text: &str) -> Result<T> {
     if let (Ok(given), Ok(known)) = (toml::from_str(text), Table::try_from(T::default())) {
         check_shapes("", &given, &known)?;
@@ -17,8 +17,8 @@ pub(super) fn parse<T: DeserializeOwned + Serialize + Default>(text: &str) -> Re
     toml::from_str(text).map_err(|error| Error::msg(toml_in_words(&error.to_string())))
 }
 
-/// Refuses a list where a table belongs, whose values would be taken for keys by their places, and a table where a list of tables
-/// does.
+/// Refuses a list in place of a table, because its values would be taken for keys by their positions, and a table in
+/// place of a list of tables.
 fn check_shapes(path: &str, given: &Table, known: &Table) -> Result<()> {
     for (key, given) in given {
         let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
@@ -47,7 +47,7 @@ mod tests {
         format!("{:#}", parse::<Config>(text).unwrap_err())
     }
 
-    /// Catches a bound or a kind that is named by a type of the program, and an error without its place.
+    /// Catches a bound or a kind that is given as a type of the program, and an error without its place.
     #[test]
     fn errors_are_in_words() {
         for (text, words) in [
@@ -65,7 +65,7 @@ mod tests {
         }
     }
 
-    /// Catches a list that is taken for a table, its values by their places, and a slip in brackets without what to write.
+    /// Catches a list that is taken for a table, and a slip in brackets without advice on what to write.
     #[test]
     fn lists_and_tables_are_not_mixed() {
         for (text, words) in [

@@ -38,7 +38,7 @@ pub(crate) struct KeptReferences {
 }
 
 impl KeptReferences {
-    /// That of the archive behind `reader`; `None` where it keeps none.
+    /// The reference of the archive behind `reader`; `None` if it keeps none.
     pub(crate) fn of(&mut self, reader: &Reader) -> Result<Option<Arc<ReferenceSet>>> {
         let Some(text) = reader.reference() else { return Ok(None) };
         let last = match self.last.take().filter(|last| last.text == text) {
@@ -49,7 +49,7 @@ impl KeptReferences {
     }
 }
 
-/// The fusion of what an archive has, as its `fuse` and its reference have it; `None` where this program cannot do so.
+/// The fusion of an archive's taps, by its `fuse` and its reference; `None` if this program cannot make it.
 pub(crate) fn fusion_of(reader: &Reader, fuse: &FuseConfig, set: Option<Arc<ReferenceSet>>) -> Result<Option<Fusion>> {
     let Ok(mut fusion) = Fusion::by(fuse, reader.plan(), set) else { return Ok(None) };
     for record in reader.discriminators()?.iter().flatten() {
@@ -58,7 +58,7 @@ pub(crate) fn fusion_of(reader: &Reader, fuse: &FuseConfig, set: Option<Arc<Refe
     Ok(Some(fusion))
 }
 
-/// Makes the fusion of each casing, by the reference that the configuration names.
+/// Makes the fusion of each casing, with the reference that the configuration names.
 #[derive(Debug)]
 pub(crate) struct Fusions {
     fuse: FuseConfig,
@@ -78,7 +78,7 @@ impl Fusions {
         Fusion::by(&self.fuse, plan, self.set.clone())
     }
 
-    /// Whether taps are analysed like those of the reference, as far as the configuration says so.
+    /// Checks that taps are analysed like those of the reference, as far as the configuration tells.
     pub(crate) fn check_process(&self) -> Result<()> {
         let Some(set) = &self.set else { return Ok(()) };
         let here = options_of(&self.process)?;
@@ -89,12 +89,12 @@ impl Fusions {
         Ok(())
     }
 
-    /// What of the stated rates the reference does not support, for people to read.
+    /// Which of the stated rates the reference does not support, for people to read.
     pub(crate) fn unsupported(&self) -> Vec<String> {
         tapline_fuse::unsupported(&self.fuse, self.set.as_deref())
     }
 
-    /// What of `plan` the reference has no taps to compare with, for people to read.
+    /// Which taps of `plan` have none to compare with in the reference, for people to read.
     pub(crate) fn remark_on_conditions(&self, plan: &Plan) -> Option<String> {
         let lacking = self.set.as_ref()?.lacks(plan);
         (!lacking.is_empty()).then(|| {
@@ -112,13 +112,13 @@ impl Fusions {
         Ok(self.for_plan(plan)?)
     }
 
-    /// Whether the casing of `plan` has the shoulder that the reference names: one named so is of the same casing.
+    /// Checks that the casing of `plan` has the shoulder that the reference names: it must be one of the same casing.
     pub(crate) fn check_shoulder(&self, plan: &Plan) -> Result<()> {
         let Some(Reference::Shoulder { tyre, shoulder }) = &self.fuse.reference else { return Ok(()) };
         let has_it = plan.scans().iter().any(|scan| scan.tyre == *tyre && scan.shoulder == *shoulder);
         ensure!(
             has_it,
-            "the reference is {tyre}/{shoulder}, and a shoulder named so is one of the same casing, but {} does not have \
+            "the reference is {tyre}/{shoulder}, and such a shoulder is one of the same casing, but {} does not have \
              it. To compare casings with a sound one, make a reference file of its archive (`tapline reference FOLDER \
              --shoulder {tyre}/{shoulder} --out sound.json`) and give `--reference sound.json`; to compare each with \
              itself, give `--reference self`",
@@ -133,7 +133,7 @@ impl Fusions {
     }
 }
 
-/// All that discriminators depend on: rate, channels, units and analysed length of the records, what of it is before the trigger, and
+/// All that discriminators depend on: rate, channels, units, analysed length and pre-trigger time of the records, and
 /// the table `[process]` with every default. `record_s` is in the analysed length.
 pub(crate) fn process_of(config: &ProcessConfig, recording: &Recording) -> Result<String> {
     let channels: Vec<&str> = recording.channels.iter().map(|channel| channel.name()).collect();
@@ -158,7 +158,7 @@ fn options_of(config: &ProcessConfig) -> Result<String> {
     Ok(config.to_string())
 }
 
-/// What is doubtful about analysing taps that are recorded so: a band goes on where their spectrum has ended.
+/// What is doubtful about analysing taps recorded like this: a band extends beyond the end of their spectrum.
 pub(crate) fn remark_on_bands(config: &ProcessConfig, recording: &Recording) -> Option<String> {
     let half_hz = recording.sample_rate_hz / 2.0;
     let (f_top_hz, rate_hz) = (config.f_top_hz, recording.sample_rate_hz);
@@ -168,7 +168,7 @@ pub(crate) fn remark_on_bands(config: &ProcessConfig, recording: &Recording) -> 
     })
 }
 
-/// Checks that the analysed beginning of each record reaches beyond its trigger.
+/// Checks that the analysed part of each record extends beyond its trigger.
 pub(crate) fn check_record_s(config: &ProcessConfig, recording: &Recording) -> Result<()> {
     let (pre_trigger, rate_hz) = (recording.pre_trigger_samples, recording.sample_rate_hz);
     ensure!(
@@ -186,7 +186,7 @@ pub(crate) fn check_reference(
     config: &ProcessConfig,
     recording: &Recording,
 ) -> Result<(), tapline_fuse::Error> {
-    // No reference was made by a configuration that cannot be written as TOML.
+    // No reference was made with a configuration that cannot be written as TOML.
     let (there, here) = (&set.process, process_of(config, recording).unwrap_or_default());
     match *there == here {
         true => Ok(()),

@@ -43,7 +43,7 @@ impl ReportConfig {
     /// Checks every value against its bounds.
     ///
     /// # Errors
-    /// Names the first that is out of them.
+    /// The first value that is out of bounds.
     pub(crate) fn validate(&self) -> Result<()> {
         for (key, text) in [
             ("plant", &self.plant),

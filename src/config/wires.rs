@@ -22,7 +22,7 @@ pub(crate) struct MqttConfig {
     /// Name of this line at the broker; each station adds its number.
     #[serde(default = "tapline")]
     pub client: String,
-    /// Certificates (PEM) of who vouches for the broker; with it the connection is encrypted.
+    /// Certificates (PEM) for checking the broker; with them the connection is encrypted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ca_file: Option<PathBuf>,
     /// File with a user's name and password, a line each.
@@ -87,7 +87,7 @@ impl MqttConfig {
             |part: &str| !part.is_empty() && !part.contains(['+', '#']) && !part.contains(char::is_control);
         ensure!(
             topic.split('/').all(is_plain_name) && !topic.starts_with('$'),
-            "line.mqtt.topic = \"{topic}\": its levels must have a name each, without + and #, and the first may not begin with $"
+            "line.mqtt.topic = \"{topic}\": each level must have a name, without + and #, and the first may not begin with $"
         );
         ensure!(!client.contains(char::is_control), "line.mqtt.client = \"{client}\": it holds a control character");
         ensure!(
@@ -142,7 +142,7 @@ mod tests {
         checked.map_or_else(|error| format!("{error:#}"), |()| String::new())
     }
 
-    /// Catches connections that others can read, or reach, without having been asked for, and errors that do not name the key.
+    /// Catches connections that others can read or reach though nobody allowed it, and errors that do not name the key.
     #[test]
     fn what_leaves_the_machine_unprotected_must_be_asked_for() {
         for fine in [

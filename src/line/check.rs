@@ -1,4 +1,4 @@
-//! What of the options of a run or a line can be checked before it looks at its machine and its folder.
+//! Checks of the options of a run or a line that need neither its machine nor its folder.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -17,16 +17,16 @@ use crate::line::listed::Listed;
 use crate::line::setup::{Arriving, Setup, absolute};
 use crate::wires;
 
-/// What a line can be given as reference.
+/// References that a line can use.
 const OTHER_REFERENCES: &str = "Make a reference file of casings that are known to be sound (`tapline reference FOLDER --out \
      sound.json`) and give `--reference sound.json`; to compare each casing with itself, give `--reference self` (damage all \
      round does not show then)";
 
-/// `tapline config --check`: checks the configuration at `path`, and says what else a run or a line needs.
+/// `tapline config --check`: checks the configuration at `path`, and prints what else a run or a line needs.
 pub(crate) fn check_config(path: &Path) -> Result<bool> {
     let mut job = Job::of_config(path)?;
     let Config { scan, station, fuse, .. } = &mut job.config;
-    // How many stations a run has may be left to its options.
+    // The number of a run's stations may be left to its options.
     let given = scan.stations;
     scan.stations = scan.for_line().stations;
     let of_run = (scan.stations > given).then(|| format!("`tapline run` needs --stations {}", scan.stations));
@@ -40,7 +40,7 @@ pub(crate) fn check_config(path: &Path) -> Result<bool> {
         false => check_line(&job).map(|_setup| None)?,
     };
     writeln!(Stdout, "{} is a configuration", path.display())?;
-    let of_simulated = of_simulated.map(|why| format!("`tapline run` takes it for recorded taps alone: {why}"));
+    let of_simulated = of_simulated.map(|why| format!("`tapline run` takes it only for recorded taps: {why}"));
     let of_line = [(lacks_station, "at least one [[station]]"), (lacks_reference, "a [fuse] reference")];
     let of_line =
         of_line.into_iter().filter(|(is_so, _)| *is_so).map(|(_, what)| format!("`tapline line` needs {what}"));
@@ -54,12 +54,12 @@ pub(crate) fn check_config(path: &Path) -> Result<bool> {
 pub(super) fn require_reference(job: &Job) -> Result<()> {
     ensure!(
         job.config.fuse.reference.is_some(),
-        "no reference is named, and nothing is judged without one. {OTHER_REFERENCES}"
+        "no reference is named, and nothing can be judged without one. {OTHER_REFERENCES}"
     );
     Ok(())
 }
 
-/// Checks what of a line's options needs neither its machine nor its folder, and need not have a reference yet; the line's setup.
+/// Checks the options of a line without its machine and its folder; it may still lack a reference. Returns its setup.
 pub(super) fn check_line(job: &Job) -> Result<Setup> {
     let Config { station: stations, fuse, scan, process, .. } = &job.config;
     ensure!(
@@ -68,7 +68,7 @@ pub(super) fn check_line(job: &Job) -> Result<Setup> {
     );
     if let Some(Reference::Shoulder { tyre, shoulder }) = &fuse.reference {
         bail!(
-            "the reference is {tyre}/{shoulder}, and a shoulder named so is one of the same casing, which no casing of a \
+            "the reference is {tyre}/{shoulder}, and such a shoulder is one of the same casing, which no casing of a \
              line is known to have. {OTHER_REFERENCES}"
         );
     }
@@ -80,10 +80,10 @@ pub(super) fn check_line(job: &Job) -> Result<Setup> {
     }
     let is_simulated = |of: &StationConfig| of.source == StationSource::Simulated;
     if let Some(station) = stations.iter().find(|of| is_simulated(of) && !scan.tyre.is_empty()) {
-        tracing::warn!("station {} makes tyres of its own: none of [[scan.tyre]] comes to it", station.number);
+        tracing::warn!("station {} simulates its own tyres: none of [[scan.tyre]] comes to it", station.number);
     }
     wires::check(&job.config.line)?;
-    // How recordings in folders were made is not known yet; how they will be analysed is.
+    // How recordings in folders were made is not yet known, but how they will be analysed is.
     fusions.check_process()?;
     for plan in setup.plans_of_stations(job)? {
         remark_on_bands(process, &plan.recording).iter().for_each(|text| tracing::warn!("{text}"));
@@ -108,8 +108,8 @@ pub(super) fn check_line(job: &Job) -> Result<Setup> {
     Ok(setup)
 }
 
-/// Checks what of a run's options needs neither its machine nor its folder; why it can have no simulated tyres, where it could have
-/// recorded ones.
+/// Checks the options of a run without its machine and its folder; returns why it can have no simulated tyres,
+/// if it could still have recorded ones.
 fn check_run(job: &Job) -> Result<Option<String>> {
     let setup = Setup::new(job, Arriving::Simulated, &job.out)?;
     let refusal = Listed::check(job, &setup).err();
@@ -129,12 +129,12 @@ pub(super) fn refuse_watched_results(job: &Job) -> Result<()> {
     }
 }
 
-/// Says what of a `scan` lets cracks pass.
+/// Warns of what in a `scan` lets cracks pass.
 pub(super) fn remark_on_scan(scan: &ScanConfig) {
     scan.remark().iter().for_each(|text| tracing::warn!("{text}"));
 }
 
-/// Checks that stations which listen have a valid calibration, where the line passes no casing without one; else says which have none.
+/// Checks that stations that listen have a valid calibration if no casing passes without one; otherwise only warns.
 fn check_calibrations(job: &Job) -> Result<()> {
     let today = jiff::Timestamp::now().to_zoned(jiff::tz::TimeZone::UTC).date().to_string();
     for station in job.config.station.iter().filter(|station| station.device.is_some()) {

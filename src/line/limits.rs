@@ -1,5 +1,5 @@
-//! What a line needs of the machine against what there is, checked before anything starts: short of it, libraries would try
-//! again for ever, and the line would stand still without a word.
+//! Checks, before anything starts, that the machine has what a line needs. If it did not, libraries would retry
+//! for ever, and the line would stop without an error.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -21,23 +21,23 @@ pub(crate) struct Needs {
     pub shared_bytes: u64,
 }
 
-/// Descriptors of the busiest process, whatever the line: `tests/faults/limits.rs` compares the three with a running line.
+/// Descriptors of the busiest process in any line: `tests/faults/limits.rs` compares these three with a running line.
 const DESCRIPTORS_FIXED: u64 = 90;
-/// Descriptors that it has more for each process that serves stations.
+/// Descriptors that it needs in addition for each process that serves stations.
 const DESCRIPTORS_PER_PROCESS: u64 = 12;
-/// Descriptors that it has more for each station: the file under way.
+/// Descriptors that it needs in addition for each station: the file under way.
 const DESCRIPTORS_PER_STATION: u64 = 4;
 
 /// Address space of the busiest process apart from what it shares, in bytes: the program, its threads and their heaps.
 const ADDRESS_SPACE_FIXED: u64 = 512 << 20;
 
-/// Memory that a process has of its own, in bytes.
+/// Memory that is private to a process, in bytes.
 const MEMORY_PER_PROCESS: u64 = 24 << 20;
 
-/// Processes beside those that serve stations: `store`, `fuse`, `process` and the one that watches over them.
+/// Processes other than those that serve stations: `store`, `fuse`, `process` and the one that supervises them.
 const OTHER_PROCESSES: u64 = 4;
 
-/// What there is; `None` is without a limit.
+/// What the machine has; `None` means no limit.
 #[derive(Debug, Clone, Copy)]
 struct Limits {
     descriptors: Option<u64>,
@@ -50,7 +50,7 @@ struct Limits {
 /// process starts, since processes inherit limits.
 ///
 /// # Errors
-/// Everything that is too little, in one error: what there is, what is needed, and how many stations would do.
+/// Everything that is too little, in one error: what there is, what is needed, and how many stations would fit.
 pub(crate) fn check(needs: &Needs) -> Result<()> {
     raise_descriptors();
     judge(needs, &Limits::of_system()?)
@@ -84,7 +84,7 @@ fn memory_available() -> Option<u64> {
     Some(memory::bytes(&text, "MemAvailable")? + memory::bytes(&text, "SwapFree").unwrap_or(0))
 }
 
-/// Memory that the control groups of this process (a container, a service) still allow, in bytes, where one is limited.
+/// Memory that the control groups of this process (a container, a service) still allow, in bytes, if one is limited.
 fn memory_of_group() -> Option<u64> {
     let groups = std::fs::read_to_string("/proc/self/cgroup").ok()?;
     let own = groups.lines().find_map(|line| line.strip_prefix("0::/"))?;
@@ -107,7 +107,7 @@ struct Item {
     cure: &'static str,
 }
 
-/// Least room in shared memory with which a stage is started again: its connections take as much before it can wait for more.
+/// Least free shared memory with which a stage is restarted: its connections take this before it can wait for more.
 pub(crate) const RESTART_BYTES: u64 = 4_000_000;
 
 fn judge(needs: &Needs, limits: &Limits) -> Result<()> {
@@ -138,7 +138,7 @@ fn judge(needs: &Needs, limits: &Limits) -> Result<()> {
             have,
             need: memory,
             is_bytes: true,
-            cure: "end what else uses it, or raise what the container or service may have",
+            cure: "end other programs that use it, or raise the limit of the container or service",
         }),
     ];
     let short: Vec<Item> = items.into_iter().flatten().filter(|item| item.have < (item.need)(needs)).collect();
@@ -147,7 +147,7 @@ fn judge(needs: &Needs, limits: &Limits) -> Result<()> {
     }
     let stations = needs.stations;
     let mut text =
-        format!("a line of {stations} station{} finds too little here", if stations == 1 { "" } else { "s" });
+        format!("a line of {stations} station{} has too few resources here", if stations == 1 { "" } else { "s" });
     for Item { what, have, need, is_bytes, cure } in &short {
         let need = need(needs);
         let written = match is_bytes {
@@ -159,7 +159,7 @@ fn judge(needs: &Needs, limits: &Limits) -> Result<()> {
     let enough = (1..stations).rev().find(|&fewer| short.iter().all(|i| i.have >= (i.need)(&needs.scaled(fewer))));
     match enough {
         Some(fewer) => bail!("{text}; {} would do", counted(fewer, "station", "stations")),
-        None => bail!("{text}; it is too little for any line"),
+        None => bail!("{text}; this is too little for any line"),
     }
 }
 
@@ -216,7 +216,7 @@ mod tests {
         let text = refusal(&Limits { descriptors: Some(300), shared_free: 104_000_000, ..PLENTY });
         assert!(text.contains("open files of a process: 300 of ") && text.contains("ulimit -n"), "{text}");
         assert!(text.contains("/dev/shm: 104.0 MB of 404.0 MB needed"), "{text}");
-        // By the memory it would be 8.
+        // Going by the memory, 8 would do.
         assert!(text.contains("8 stations would do"), "{text}");
         let text = refusal(&Limits { address_space: Some(200_000 << 10), ..PLENTY });
         assert!(text.contains("ulimit -v") && text.contains("too little for any line"), "{text}");

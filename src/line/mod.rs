@@ -1,9 +1,9 @@
-//! A line: starts the stages as processes, restarts them, publishes each verdict as it falls, and shows how it is.
+//! A line: starts the stages as processes, restarts them, publishes each verdict at once, and shows its status.
 //!
-//! `tapline run` ends when its list of casings does; `tapline line` goes on for ever. They are the same but for that.
+//! `tapline run` ends when its list of casings does; `tapline line` runs for ever. That is the only difference.
 //!
-//! `check` looks at the options and `run` begins; `setup`, `limits` and `out_folder` are what a line needs; `supervisor` tends the `stages`, each a `stage_process` that
-//! runs `stage`; `status` and `summary` say how it is and what came of it.
+//! `check` checks the options, `run` starts; `setup`, `limits` and `out_folder` have what a line needs. `supervisor`
+//! tends the `stages`, each a `stage_process` that runs `stage`; `status` shows the line, `summary` its results.
 
 mod check;
 pub(crate) mod limits;

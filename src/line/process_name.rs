@@ -7,8 +7,8 @@ pub(crate) fn stage_name(verb: &str) -> String {
     format!("tapline-{verb}")
 }
 
-/// Calls this process `name`, as far as the system keeps it: `ps` and `top` show it, and `pgrep` finds it. To be called by
-/// the main thread, before it starts others, which have the name from it.
+/// Names this process `name`, as far as the system keeps it: `ps` and `top` show it, `pgrep` finds it. To be called by
+/// the main thread, before it starts others, which inherit the name.
 pub(crate) fn name_process(name: &str) {
     if let Ok(name) = CString::new(name)
         && let Err(error) = rustix::thread::set_name(&name)

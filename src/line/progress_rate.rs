@@ -33,7 +33,7 @@ impl ProgressRate {
         *since
     }
 
-    /// Taps settled a second of late.
+    /// Taps settled per second, recently.
     pub(crate) fn taps_per_s(&self) -> f64 {
         match (self.recent.front(), self.recent.back()) {
             (Some(&(from, first)), Some(&(_, last))) if last > first => {

@@ -32,7 +32,7 @@ use crate::line::supervisor::{Audience, Pace, ShowStatus, Supervisor};
 use crate::shown::verdict::Form;
 use crate::wires::Wires;
 
-/// How long stages of an earlier line may take to end with it: as any stage, and a little more.
+/// How long stages of an earlier line may take to end: a little more than any stage.
 const GONE_WITHIN: Duration = Duration::from_secs(25);
 
 /// The file that identifies the run whose results a folder has.
@@ -46,7 +46,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
         None => Arriving::Simulated,
     };
     let setup = Setup::new(&job, arriving, &absolute(&job.out)?)?;
-    // What cannot be judged, or not at once, is reported before anything is scanned.
+    // Casings that cannot be judged, or not at once, are reported before anything is scanned.
     let listed = Listed::check(&job, &setup)?;
     let mut folder = OutFolder::take(&job.out)?;
     RunFile::new(&job, &setup, &listed).check_or_write(folder.path())?;
@@ -83,13 +83,13 @@ fn scanning(job: &Job, listed: &Listed, finished: usize) -> Progress {
     progress.print(&format!("scanning {taps}{again}; results go into {}", job.out.display()));
     if finished > 0 {
         let casings = counted(listed.names.len(), "casing", "casings");
-        progress.print(&format!("of {casings} {finished} {} done already", if finished == 1 { "is" } else { "are" }));
+        progress.print(&format!("of {casings}, {finished} {} done already", if finished == 1 { "is" } else { "are" }));
     }
     progress
 }
 
-/// What is scanned besides.
-const AGAIN: &str = ", and what stands out again";
+/// What else is scanned.
+const AGAIN: &str = ", plus second readings";
 
 /// `tapline line`: casings as they come, until it is asked to stop.
 pub(crate) fn line(args: &LineArgs) -> Result<bool> {
@@ -103,7 +103,7 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     folder.clear_left(GONE_WITHIN)?;
     setup.check_machine()?;
     say_unsupported(&job);
-    // Before anything is told: a line that is asked to stop from here on stops in good order.
+    // Before anything is printed: from here on, a line that is asked to stop ends cleanly.
     let stop = stop_at_signals()?;
     let progress = Progress::new(None, Unit::Things("taps"));
     progress.print(&format!("waiting for casings; results go into {}", job.out.display()));
@@ -111,7 +111,7 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     if job.config.station.iter().any(|station| station.source != StationSource::Folder) {
         let again = if scan.confirm { AGAIN } else { "" };
         progress
-            .print(&format!("of a casing {} are made{again}", counted(scan.taps_per_tyre() as usize, "tap", "taps")));
+            .print(&format!("per casing {} are made{again}", counted(scan.taps_per_tyre() as usize, "tap", "taps")));
     }
     shown_at.iter().for_each(|address| progress.print(&format!("the line is shown at {address}")));
     folder.make_unreported()?;
@@ -138,7 +138,7 @@ fn say_how_it_ended(pace: &Pace) {
     }
 }
 
-/// Starts to serve the page of the line, where `args` ask for it; who is to be given each status, and the page's address.
+/// Starts to serve the page of the line, if `args` ask for it; returns what takes each status, and the address.
 #[cfg(feature = "serve")]
 fn show_on_page(args: &LineArgs, printed: &ReportConfig) -> Result<(Option<ShowStatus>, Option<String>)> {
     let Some(address) = args.serve else { return Ok((None, None)) };
@@ -154,7 +154,7 @@ fn show_on_page(_: &LineArgs, _: &ReportConfig) -> Result<(Option<ShowStatus>, O
     Ok((None, None))
 }
 
-/// Says what the reference cannot show, and which of the stated rates it does not support.
+/// Warns of what the reference cannot show, and of stated rates that it does not support.
 fn say_unsupported(job: &Job) {
     if job.config.fuse.reference == Some(Reference::Own) {
         tracing::warn!("each casing is compared with itself: damage all round would not show");
@@ -181,7 +181,7 @@ fn operate(
     folder.enter(address)?;
     let _lock = address.lock_folder()?;
     setup.write(address)?;
-    // It stays to the end, also when the stages are asked to stop.
+    // It stays to the end, even when the stages are asked to stop.
     let line = Line::join(address, Role::Supervisor, &setup.limits, Default::default())?;
     let _services = Services::open(&line)?;
     address.verify()?;
@@ -198,7 +198,7 @@ impl Drop for Workplace {
     fn drop(&mut self) {
         match self.address.clear() {
             Ok(true) => {}
-            // The stages have ended. Who only looks on needs no more than it has mapped, and sees that the line has ended.
+            // The stages have ended. Viewers need only what they have mapped, and see that the line has ended.
             Ok(false) => self.address.remove(),
             Err(error) => tracing::warn!(%error, "cannot clear away the line's shared memory"),
         }
@@ -248,7 +248,7 @@ impl RunFile {
                 let is_result = |path: &Path| path.extension().is_some_and(|ending| ending == "h5");
                 if has_files.map(|file| file.path()).any(|path| is_result(&path)) {
                     bail!(
-                        "{} has archives, but no {RUN_FILE} that says what run they are of: give another --out",
+                        "{} has archives, but no {RUN_FILE} that says which run made them: give another --out",
                         folder.display()
                     );
                 }

@@ -31,11 +31,11 @@ pub(crate) enum Arriving {
     Stations,
 }
 
-/// The options of a line. Its stages read this copy, even if they are restarted after the original was edited.
+/// The options of a line. Its stages read this copy, even when they are restarted after an edit of the original.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Setup {
     pub arriving: Arriving,
-    /// Folder in which the line was started.
+    /// Working folder in which the line was started.
     pub started_in: PathBuf,
     /// Output folder, absolute.
     pub out: PathBuf,
@@ -69,7 +69,7 @@ impl Setup {
         serde_json::from_str(&text).with_context(|| format!("{} is no setup of a line", path.display()))
     }
 
-    /// Writes it down for the stages of the line at `address`.
+    /// Writes it for the stages of the line at `address`.
     pub(crate) fn write(&self, address: &LineAddress) -> Result<()> {
         let path = address.root().join(SETUP);
         fs::write(&path, serde_json::to_string(self)?).with_context(|| format!("cannot write {}", path.display()))
@@ -89,7 +89,7 @@ impl Setup {
         self.arriving != Arriving::Stations
     }
 
-    /// Where the files are: those of a list in one folder, those of a line that never ends in one for each day.
+    /// Where the files are: all files of a list in one folder; a line that never ends has a folder for each day.
     pub(crate) fn places(&self) -> Places {
         Places::new(&self.out, !self.is_list())
     }
@@ -122,7 +122,7 @@ impl Setup {
         }
     }
 
-    /// The plans that casings of the stations have which tap by the table `[scan]`, one for each kind of record.
+    /// The plans of casings at stations that tap as the table `[scan]` says: one plan for each kind of record.
     pub(crate) fn plans_of_stations(&self, job: &Job) -> Result<Vec<Plan>> {
         let list = listed_simulated(&job.config.scan.for_line(), &job.config.simulation)?;
         let Some((_name, _station, simulated)) = list.listed().next().transpose()? else { return Ok(Vec::new()) };
@@ -168,6 +168,7 @@ impl Setup {
                         &config.scan.for_line(),
                         &config.simulation,
                         &config.capture,
+                        &self.out,
                         wake.clone(),
                     )?)
                 })
@@ -190,7 +191,7 @@ fn limits_of(job: &Job, arriving: &Arriving) -> Result<Limits> {
     };
     stations.sort_unstable();
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZeroUsize::get);
-    // Who listens shares its process with nobody.
+    // A station that listens has a process of its own.
     let captures = *arriving == Arriving::Stations && job.config.station.iter().any(|station| station.device.is_some());
     let cores = if captures { stations.len() } else { cores };
     let processes = stations.len().min(cores.max(stations.len().div_ceil(STATIONS_PER_PROCESS)));

@@ -17,7 +17,7 @@ use crate::line::process_name::{name_process, stage_name};
 use crate::line::setup::Setup;
 use tapline_host::stdout::Stdout;
 
-/// Exit code of a stage that has closed its files on a disk that has failed: the supervisor starts it again when the disk is
+/// Exit code of a stage that has closed its files because their disk failed: the supervisor restarts it once that is
 /// back.
 pub(crate) const DISK_FAILED: u8 = 75;
 
@@ -34,7 +34,7 @@ pub(crate) struct StageReport {
 /// What a process used of the machine.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 pub(crate) struct Used {
-    /// Most memory it had, shared memory it touched included.
+    /// Peak memory, including shared memory that it touched.
     pub peak_memory_bytes: u64,
     /// Processor time of its own code.
     pub user_s: f64,
@@ -74,7 +74,7 @@ pub(crate) fn stage(args: &StageArgs) -> Result<bool> {
     let address = LineAddress::at(&args.line)?;
     let _lock = address.lock_folder()?;
     let setup = Setup::read(&address)?;
-    // Of the stages, `fuse` alone compares with it.
+    // Only the stage `fuse` uses it.
     let reference = setup.reference.clone().filter(|_| args.stage == "fuse");
     let job = Job::of_copy(&setup.config_toml, reference, setup.out.clone())?;
     let join = |role| -> Result<Line> {
@@ -108,11 +108,11 @@ pub(crate) fn stage(args: &StageArgs) -> Result<bool> {
     report(work)
 }
 
-/// Ends this process when the line that started it ends. The first thing a child does: a line that is killed while its
-/// children still start must not leave them behind.
+/// Makes this process end when the line that started it ends. A child does this first: a line that is killed while its
+/// children are still starting must not leave them behind.
 fn follow_parent(args: &StageArgs) -> Result<()> {
     use rustix::process::{Signal, getppid, set_parent_process_death_signal};
-    // `store` makes safe what it has. Who acquires has nothing to keep: it would wait for a `store` that nobody replaces.
+    // `store` saves what it has. `acquire` has nothing to save: it would wait for a `store` that nobody replaces.
     let signal = if args.stage.starts_with("acquire-") { Signal::KILL } else { Signal::TERM };
     set_parent_process_death_signal(Some(signal)).context("cannot ask to end with the line")?;
     if getppid().is_none_or(|pid| pid.as_raw_nonzero().get() != args.child) {

@@ -13,10 +13,10 @@ use rustix::process::{Pid, Signal, kill_process};
 use crate::line::process_name::stage_name;
 use crate::line::stage::{DISK_FAILED, StageReport};
 
-/// A stage that is restarted this often without a single settled tap in between has failed.
+/// A stage that is restarted this often without any settled tap in between has failed.
 const RESTARTS_MAX: u32 = 10;
 
-/// A stage that is restarted so often within such a time is restarted too often.
+/// A stage that is restarted this often within this time is in trouble.
 const UNSTEADY: (usize, Duration) = (3, Duration::from_secs(60));
 
 /// A stage of the line, across restarts.
@@ -29,7 +29,7 @@ pub(crate) struct StageProcess {
     ended: Option<ExitStatus>,
     is_asked_to_end: Cell<bool>,
     is_killed: Cell<bool>,
-    /// Whether it ended since the disk of the archive has failed.
+    /// Whether it ended because the disk of the archive has failed.
     pub(crate) awaits_disk: bool,
     fruitless_restarts: u32,
     /// When it was last restarted, as often as [`UNSTEADY`] counts.
@@ -59,7 +59,7 @@ impl StageProcess {
     }
 
     fn spawn(&mut self) -> Result<()> {
-        // This very program, also when its file has been replaced meanwhile.
+        // This same program, even if its file has been replaced meanwhile.
         let child = Command::new("/proc/self/exe")
             .arg0(stage_name(&self.name))
             .args(&self.arguments)
@@ -67,7 +67,7 @@ impl StageProcess {
             .current_dir("/")
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
-            // A Ctrl-C is for the line, which ends its stages in order.
+            // Ctrl-C is meant for the line, which ends its stages in order.
             .process_group(0)
             .spawn()
             .with_context(|| format!("cannot start {}", self.name))?;
@@ -98,7 +98,7 @@ impl StageProcess {
 
     /// Handles the end of the process: starts it again, if it `may_restart`, unless it was asked to end.
     ///
-    /// Fails when the stage failed by itself, or ends again and again.
+    /// Fails if the stage failed by itself, or ends again and again.
     pub(crate) fn take_up(&mut self, may_restart: bool) -> Result<()> {
         let (Some(mut child), Some(status)) = (self.child.take(), self.ended.take()) else { return Ok(()) };
         let mut printed = String::new();
@@ -186,7 +186,7 @@ impl StageProcess {
 }
 
 impl Drop for StageProcess {
-    /// No stage outlives its line, however that ends.
+    /// No stage outlives its line, however the line ends.
     fn drop(&mut self) {
         if let Some(child) = &mut self.child {
             let ended = child.kill().and_then(|()| child.wait());

@@ -16,11 +16,11 @@ use crate::shown::status::StageStatus;
 /// `store`, `fuse` and `process`, in this order, come before the sources.
 const DOWNSTREAM: [&str; 3] = ["store", "fuse", "process"];
 
-/// For how long after a start memory for connections is reserved, and how often.
+/// For how long after a start memory for connections is reserved, and at what interval.
 const SECURED_FOR: Duration = Duration::from_secs(10);
 const SECURE_EVERY: Duration = Duration::from_millis(200);
 
-/// How often a write to a disk that has failed is tried.
+/// How often a write to a failed disk is tried.
 const TRY_DISK_EVERY: Duration = Duration::from_secs(1);
 
 /// The stages of a line that runs.
@@ -105,12 +105,12 @@ impl<'a> Stages<'a> {
         Ok(has_died)
     }
 
-    /// While a stage waits for its disk: releases the output folder, and starts the stage again when that can be written.
+    /// While a stage waits for its disk: releases the output folder, and restarts the stage when that is writable.
     fn look_after_disk(&mut self) -> Result<()> {
         let Some(place) = self.all.iter().position(|stage| stage.awaits_disk) else { return Ok(()) };
         if self.disk_failed_at.is_none() {
             self.folder.release();
-            let text = "the disk of the archive has failed, or may not be written: the log has what to do";
+            let text = "the disk of the archive has failed, or may not be written: the log says what to do";
             self.alarms.push(text.to_owned());
         }
         let tried_at = self.disk_failed_at.get_or_insert_with(Instant::now);
@@ -138,7 +138,7 @@ impl<'a> Stages<'a> {
             self.is_short_of_room = is_short;
             match is_short {
                 true => {
-                    let text = "/dev/shm is full: a stage that ends is not started again before there is room";
+                    let text = "/dev/shm is full: a stage that ends is not started again until there is room";
                     tracing::error!("{text}");
                     self.alarms.push(text.to_owned());
                 }

@@ -26,7 +26,7 @@ const ANSWERS_WITHIN: Duration = Duration::from_secs(15);
 /// A line that has shown nothing for this long is stuck.
 const STANDS_AFTER_NS: i64 = 30_000_000_000;
 
-/// `tapline status`: shows how a running line is, once or until it ends.
+/// `tapline status`: shows the state of a running line, once or until it ends.
 pub(crate) fn status(args: &StatusArgs) -> Result<bool> {
     let Some(found) = OutFolder::find_line(&args.out)? else {
         bail!("no line runs on {}", args.out.display());
@@ -41,7 +41,7 @@ pub(crate) fn status(args: &StatusArgs) -> Result<bool> {
             line.clear_dead();
             let most = StatusTopic::VIEWERS_MAX;
             Subscriber::<StatusTopic>::open(&line).with_context(|| {
-                format!("{most} programs at most may look at the line on {} at once", args.out.display())
+                format!("at most {most} programs may watch the line on {} at once", args.out.display())
             })?
         }
     };
@@ -60,14 +60,14 @@ pub(crate) fn status(args: &StatusArgs) -> Result<bool> {
         if stop.load(Ordering::Relaxed) {
             return Ok(true);
         }
-        // A folder that cannot be read, since its disk is away, does not mean that the line has ended.
+        // If the folder cannot be read because its disk is away, the line has not necessarily ended.
         if matches!(OutFolder::find_line(&args.out), Ok(None)) {
             ensure!(last.is_some(), "the line on {} has just ended", args.out.display());
             writeln!(io::stderr(), "the line has ended").context("cannot write to standard error")?;
             return Ok(true);
         }
         if last.is_none() && since.elapsed() > ANSWERS_WITHIN {
-            bail!("the line (process {}) does not show how it is: it may be held up", found.pid);
+            bail!("the line (process {}) does not show its status: it may be held up", found.pid);
         }
         std::thread::sleep(Duration::from_millis(100));
     }

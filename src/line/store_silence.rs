@@ -1,4 +1,4 @@
-//! Whether `store` still answers: one that hangs holds up the line, and people should know.
+//! Whether `store` still answers: if it hangs, the line has to wait, and people should know.
 
 use std::time::{Duration, Instant};
 
@@ -24,7 +24,7 @@ impl StoreSilence {
         false
     }
 
-    /// Whether it has been long, and goes on.
+    /// Whether it has been long, and still lasts.
     pub(crate) fn is_long(&self) -> bool {
         self.is_reported
     }

@@ -1,4 +1,4 @@
-//! What a run ends with: the verdict on every shoulder, how good they are where the truth is known, how fast it went.
+//! The output at the end of a run: all verdicts, how good they are where the truth is known, and how fast it was.
 
 use std::collections::BTreeMap;
 use std::io::{self, Write as _};
@@ -21,7 +21,7 @@ use crate::shown::rig::{ASKS, Rigs, StationSign};
 use crate::shown::verdict::ShoulderVerdict;
 use tapline_host::stdout::Stdout;
 
-/// Casings over which the index is scored again against the truth: it takes as long as to judge them eight times.
+/// Casings over which the index is scored against the truth: that takes as long as judging them eight times.
 const SCORED_MAX: usize = 64;
 
 #[derive(Debug, Serialize)]
@@ -39,7 +39,7 @@ struct Summary {
     /// `None` if nothing is known of the truth.
     auc: Option<Auc>,
     reference_is_self: bool,
-    /// What the reference cannot support of the rates that are asked for; each text once.
+    /// Which of the configured rates the reference cannot support; each text once.
     remarks: Vec<String>,
     /// Signs that the rigs of stations had changed.
     rig: Vec<StationSign>,
@@ -110,7 +110,7 @@ struct Sum {
 
 /// Prints the summary of the casings `names` of `job`; whether nothing is missing, refused or contradicted.
 pub(crate) fn summarise(job: &Job, setup: &Setup, names: &[String], pace: Pace, as_json: bool) -> Result<bool> {
-    // Before the scores, which are no work of the line.
+    // Before the scores, which are not the line's work.
     let used = Used::here();
     let mut sum = Sum { is_judged: true, ..Sum::default() };
     let places = setup.places();
@@ -124,7 +124,7 @@ pub(crate) fn summarise(job: &Job, setup: &Setup, names: &[String], pace: Pace, 
         }
     }
     let [archived, refused, missing] = sum.counts;
-    // As the files have them: a line that is asked to end does not hear of the last ones.
+    // From the files: a line that is asked to end does not learn of the last ones.
     let settled = pace.settled_before.map_or(0, |before| (archived + refused).saturating_sub(before));
     let pace = pace_line(&pace, settled, &used);
     let is_complete = sum.unfinished == 0 && refused == 0 && missing == 0 && sum.is_judged && pace.conflicts == 0;
@@ -154,7 +154,7 @@ pub(crate) fn summarise(job: &Job, setup: &Setup, names: &[String], pace: Pace, 
     Ok(summary.is_complete)
 }
 
-/// Adds what there is of a casing whose file is under way.
+/// Adds the taps so far of a casing whose file is under way.
 fn add_counts(sum: &mut Sum, setup: &Setup, name: &str) {
     let open = setup.places().under_way(name);
     let Some(reader) = open.and_then(|path| Reader::open_unfinished(path).ok()) else { return };
@@ -257,7 +257,7 @@ fn pace_line(pace: &Pace, taps: usize, used: &Used) -> PaceLine {
     line
 }
 
-/// A few stations by number, many by how many there are.
+/// One station by its number; several by first, last and count.
 fn stations(numbers: &[u16]) -> String {
     match numbers {
         [number] => number.to_string(),
@@ -271,7 +271,7 @@ fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
         print_verdicts(out, &summary.verdicts, &summary.rig)?;
     }
     if !summary.rig.is_empty() {
-        writeln!(out, "Casings have in common what speaks of the rig: {ASKS} (docs/rig.md):")?;
+        writeln!(out, "Several casings show signs that the rig has changed: {ASKS} (docs/rig.md):")?;
         summary.rig.iter().try_for_each(|sign| writeln!(out, "  {sign}"))?;
     }
     if let Some(auc) = &summary.auc {
@@ -292,7 +292,7 @@ fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
     }
     if !summary.flags.is_empty() {
         let flags: Vec<String> = summary.flags.iter().map(|(name, count)| format!("{name} {count}")).collect();
-        writeln!(out, "Taps with flags (`export discriminators` has them): {}", flags.join(", "))?;
+        writeln!(out, "Taps with flags (`export discriminators` lists them): {}", flags.join(", "))?;
     }
     print_pace(out, &summary.pace)?;
     let Summary { casings, unfinished, archived, refused, missing, .. } = summary;
@@ -309,15 +309,15 @@ fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
         counted(*archived, "tap", "taps")
     )?;
     if *unfinished > 0 {
-        writeln!(out, "The same command again takes what is missing.")?;
+        writeln!(out, "Run the same command again to take what is missing.")?;
     }
     Ok(())
 }
 
-/// The verdicts as a table; remarks that hold for all are named once, below it, and signs of a rig have their numbers there.
+/// The verdicts as a table. Remarks that apply to all are printed once, below it, as are the numbers of a rig's signs.
 fn print_verdicts(out: &mut impl io::Write, verdicts: &[ShoulderVerdict], rig: &[StationSign]) -> Result<()> {
     let holds_for_all = |name: &str| verdicts.iter().all(|verdict| verdict.reasons.split('|').any(|r| r == name));
-    // Flags have shares, which differ. Of one shoulder all is simpler in its row.
+    // Flags have shares, which differ. A single shoulder has everything in its row.
     let remarks = Reasons::REMARKS.difference(Reasons::FLAGGED);
     let remarks = Reasons::ALL.iter().filter(|(reason, _)| verdicts.len() > 1 && remarks.contains(*reason));
     let common: Vec<&str> = remarks.map(|&(_, name)| name).filter(|name| holds_for_all(name)).collect();
@@ -335,7 +335,7 @@ fn print_verdicts(out: &mut impl io::Write, verdicts: &[ShoulderVerdict], rig: &
                 _ => format!("{arc:.2}"),
             }),
             line.peak_location.map_or_else(String::new, |l| l.to_string()),
-            // Parted by spaces, at which lines are broken.
+            // With spaces between them, where lines may break.
             line.without_details(&below(line.station)).why(", ", &common),
         ]);
     }

@@ -1,4 +1,4 @@
-//! `tapline report`: one page per tyre and one per shift, from the archive alone, to read offline and to print.
+//! `tapline report`: one page per tyre and one per shift, made only from archives, to read offline and to print.
 
 mod evidence;
 mod figures;
@@ -24,7 +24,7 @@ use tapline_host::stdout::Stdout;
 /// Name of the page of the shift.
 const SHIFT: &str = "shift.html";
 
-/// Writes the pages of the archives that `args` name into a folder, which is named after the first archive where none is given.
+/// Writes the pages of the archives in `args` into a folder; if none is given, it is named after the first archive.
 pub(crate) fn report(args: &ReportArgs) -> Result<bool> {
     let printed = args.config.as_deref().map(|path| Config::read(path).map(|(config, _)| config.report)).transpose()?;
     let archives = Archives::find(&args.archives, args.results.which())?;
@@ -91,8 +91,8 @@ fn default_folder(first: &Path) -> PathBuf {
     PathBuf::from(format!("{}-report", name.unwrap_or_default().to_string_lossy()))
 }
 
-/// File name of a tyre's page: the serial, or the archive's name where that has a number behind the serial, with characters replaced
-/// that a file name or an address may not have, and with a number where one of the names `taken` would be equal on some file system.
+/// File name of a tyre's page: the serial, or the archive's name if that has a number after the serial. Characters
+/// not allowed in file names or addresses are replaced; a number is added if it could be mistaken for one in `taken`.
 fn name_for(taken: &mut BTreeSet<String>, tyre: &Tyre, archive: &str) -> String {
     let serial = tyre.serial.as_str();
     let is_numbered = archive.strip_prefix(serial).is_some_and(|number| number.starts_with('.'));

@@ -1,4 +1,4 @@
-//! Who may look: on the loopback everyone on this machine, elsewhere who has the token.
+//! Who may see the line: on the loopback everyone on this machine, elsewhere those who have the token.
 
 use std::net::SocketAddr;
 use std::path::Path;
@@ -14,26 +14,26 @@ use tapline_host::connection::{is_this_machine, read_credentials};
 
 use crate::serve::refuse;
 
-/// Length of a token in bytes: of fewer it could be guessed.
+/// Length of a token in bytes: a shorter one could be guessed.
 const TOKEN_BYTES: std::ops::RangeInclusive<usize> = 16..=256;
 
-/// How long a wrong token is answered, so that guessing takes for ever.
+/// Delay of the answer to a wrong token, so that guessing takes for ever.
 const GUESS: Duration = Duration::from_secs(1);
 
 /// Name of the cookie; it lasts for a year, as a screen on a wall does.
 const COOKIE_NAME: &str = "tapline-line";
 const COOKIE_FOR_S: u32 = 365 * 24 * 3600;
 
-/// Paths that who logs in needs.
+/// Paths needed to log in.
 const OPEN_PATHS: [&str; 2] = ["/login", "/app.css"];
 
-/// Who may look.
+/// Who may see it.
 pub(super) struct Access {
     /// `None` on the loopback, where none is asked for.
     token: Option<Token>,
 }
 
-/// What is known of the token. Digests are compared in constant time.
+/// What is kept of the token. Digests are compared in constant time.
 struct Token {
     digest: blake3::Hash,
     /// What the cookie carries: whoever reads it does not learn the token.
@@ -60,7 +60,7 @@ impl Access {
         Ok(Self { token })
     }
 
-    /// What to answer who may not look; `None` for who may.
+    /// The refusal; `None` for those who may see the line.
     pub(super) async fn refusal(&self, request: &Parts) -> Option<Response> {
         let Some(token) = &self.token else { return refuse_other_host(&request.headers) };
         let path = request.uri.path();
@@ -78,7 +78,7 @@ impl Access {
         })
     }
 
-    /// Answers who sends a token: with a cookie, and the way to the page.
+    /// Answers a token that is sent: with a cookie, and a redirect to the page.
     pub(super) async fn login(&self, login: &Login) -> Response {
         let Some(token) = &self.token else { return see("/").into_response() };
         if !token.is(login.token.trim().as_bytes()) {
@@ -115,12 +115,12 @@ impl Token {
         Self { digest: blake3::hash(text.as_bytes()), session: session.to_hex().to_string() }
     }
 
-    /// Whether `text` is the token, found out in a time that does not depend on where they differ.
+    /// Whether `text` is the token; the time this takes does not depend on where they differ.
     fn is(&self, text: &[u8]) -> bool {
         blake3::hash(text) == self.digest
     }
 
-    /// Whether a request carries the token, or the cookie of who has sent it before.
+    /// Whether a request carries the token, or the cookie of a client that has sent it before.
     fn is_known(&self, headers: &HeaderMap) -> bool {
         let bearer = headers.get(AUTHORIZATION).and_then(|value| value.as_bytes().strip_prefix(b"Bearer "));
         let cookies = headers.get_all(COOKIE).iter().filter_map(|value| value.to_str().ok());
@@ -136,20 +136,20 @@ fn token_in(uri: &Uri) -> Option<String> {
     axum::extract::Query::<Login>::try_from_uri(uri).ok().map(|query| query.0.token)
 }
 
-/// A way to another path, which the browser takes with GET.
+/// A redirect to another path, which the browser follows with GET.
 fn see(path: &'static str) -> (StatusCode, [(axum::http::HeaderName, &'static str); 1]) {
     (StatusCode::SEE_OTHER, [(LOCATION, path)])
 }
 
-/// Refuses requests for another host than this machine: a page from elsewhere can have its name lead to the loopback, to read
-/// what is served there.
+/// Refuses requests for a host other than this machine: a page from elsewhere can make its name resolve to the
+/// loopback, to read what is served there.
 fn refuse_other_host(headers: &HeaderMap) -> Option<Response> {
     let host = headers.get(HOST).and_then(|value| value.to_str().ok()).unwrap_or_default();
     if is_at_this_machine(host) {
         return None;
     }
     let why =
-        "this page is for this machine: ask for it as 127.0.0.1 or localhost, or have the line serve with a token";
+        "this page is only for this machine: open it as 127.0.0.1 or localhost, or have the line serve it with a token";
     Some(refuse(StatusCode::FORBIDDEN, why.to_owned()))
 }
 
@@ -164,7 +164,7 @@ fn is_at_this_machine(host: &str) -> bool {
 mod tests {
     use super::*;
 
-    /// Catches a name of elsewhere that is taken for this machine's, and one of this machine's that is not.
+    /// Catches a name from elsewhere that is taken for this machine's, and a name of this machine that is not.
     #[test]
     fn only_names_of_the_loopback_are_this_machine() {
         for host in ["127.0.0.1:8088", "127.0.0.1", "localhost:1", "LOCALHOST", "[::1]:8088", "127.3.2.1:80"] {
@@ -183,7 +183,7 @@ mod tests {
         }
     }
 
-    /// Catches a token that is not asked for where others can reach the page, a token that can be guessed or read by others, and
+    /// Catches a token that is not required where others can reach the page, a token that others can guess or read, and
     /// an error that does not say so.
     #[test]
     fn an_address_that_others_can_reach_needs_a_token() {

@@ -1,5 +1,5 @@
-//! What a line has done and has room for, as numbers for Prometheus. Their labels are stations, stages, verdicts and
-//! discriminators: a line of given stations has the same series for ever.
+//! What a line has done, and its free space, as numbers for Prometheus. Labels are stations, states, stages, verdicts,
+//! receivers and discriminators, so that a line of given stations has the same series for ever.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fmt;
@@ -28,7 +28,7 @@ use crate::shown::whole::Whole;
 /// The format of the text.
 pub(super) const CONTENT: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 
-/// How long a disk may take to say how much room it has.
+/// How long a disk may take to report its free space.
 const DISK_WITHIN: Duration = Duration::from_millis(500);
 
 /// Names of labels with their values.
@@ -37,8 +37,8 @@ type Labels = Vec<(&'static str, String)>;
 /// Gauges with fractions.
 type Level = Gauge<f64, AtomicU64>;
 
-/// Bytes that may still be written into `folder`; `None` if its disk does not say. `is_asked` is set while an answer is awaited: a disk
-/// that hangs is not asked again.
+/// Bytes that may still be written into `folder`; `None` if its disk does not answer. `is_asked` is set until it
+/// answers: a disk that hangs is not asked again.
 pub(super) async fn free_bytes(is_asked: Arc<AtomicBool>, folder: PathBuf) -> Option<u64> {
     if is_asked.swap(true, Ordering::AcqRel) {
         return None;
@@ -51,7 +51,7 @@ pub(super) async fn free_bytes(is_asked: Arc<AtomicBool>, folder: PathBuf) -> Op
     beside(DISK_WITHIN, ask).await.ok().flatten()
 }
 
-/// The metrics of a line with this `status`, whose disk has so much room.
+/// The metrics of a line with this `status` and this much free disk space.
 pub(super) fn text(status: &Status, disk_free_bytes: Option<u64>) -> Result<String, fmt::Error> {
     let mut registry = Registry::with_prefix("tapline");
     of_casings(&mut registry, status);
@@ -113,7 +113,7 @@ fn of_casings(registry: &mut Registry, status: &Status) {
     let lost = std::iter::once((Vec::new(), status.lost_count));
     counted(registry, "records_lost", "Records lost in transit, whose taps were taken again", lost);
     let rate = std::iter::once((Vec::new(), status.taps_per_s));
-    measured(registry, ("taps_rate", None), "Taps settled a second, over the last ten seconds", rate);
+    measured(registry, ("taps_rate", None), "Taps settled per second, over the last ten seconds", rate);
 }
 
 fn of_stations(registry: &mut Registry, status: &Status) {
@@ -140,7 +140,7 @@ fn of_stations(registry: &mut Registry, status: &Status) {
     };
     let help = "Level of the last casing, as a multiple of the reference's";
     measured(registry, ("level", Some(Unit::Ratios)), help, whole(|whole| &whole.level));
-    let help = "How far the places of the last casing differ, as a multiple of how far those of the reference do";
+    let help = "How far the locations of the last casing differ, as a multiple of the reference's";
     measured(registry, ("scatter", Some(Unit::Ratios)), help, whole(|whole| &whole.scatter));
     let signs = status.stations.iter().map(|of| (vec![station(of)], of.signs.len() as f64));
     measured(
@@ -151,7 +151,7 @@ fn of_stations(registry: &mut Registry, status: &Status) {
     );
     let ages = status.stations.iter().filter_map(|of| Some((vec![station(of)], age_s(of.calibrated_on.as_deref()?)?)));
     let name = ("calibration_age", Some(Unit::Seconds));
-    measured(registry, name, "Age of the oldest calibration that the last casing was judged by", ages);
+    measured(registry, name, "Age of the oldest calibration that the last casing was judged with", ages);
 }
 
 fn of_stages(registry: &mut Registry, status: &Status) {
@@ -161,18 +161,18 @@ fn of_stages(registry: &mut Registry, status: &Status) {
     let stages = status.stages.iter().map(|stage| (stage.name.clone(), stage.pid)).chain([supervisor]);
     let memory = stages.filter_map(|(name, pid)| Some((vec![("stage", name)], resident_bytes(pid?)?)));
     let name = ("resident_memory", Some(Unit::Bytes));
-    measured(registry, name, "Memory of a stage's process, shared memory that it touched included", memory);
+    measured(registry, name, "Memory of a stage's process, including shared memory that it touched", memory);
 }
 
 fn of_machine(registry: &mut Registry, status: &Status, disk_free_bytes: Option<u64>) {
     let one = |bytes: Option<u64>| bytes.map(|bytes| (Vec::new(), bytes as f64)).into_iter();
     let bytes = Some(Unit::Bytes);
-    measured(registry, ("disk_free", bytes.clone()), "Room on the disk of the archive", one(disk_free_bytes));
-    measured(registry, ("shm_free", bytes), "Room in /dev/shm", one(shm::free_bytes().ok()));
+    measured(registry, ("disk_free", bytes.clone()), "Free space on the archive's disk", one(disk_free_bytes));
+    measured(registry, ("shm_free", bytes), "Free space in /dev/shm", one(shm::free_bytes().ok()));
     let troubles = std::iter::once((Vec::new(), status.troubles.len() as f64));
-    measured(registry, ("troubles", None), "What keeps the line from going on; /healthz names it", troubles);
+    measured(registry, ("troubles", None), "Troubles of the line at this moment; /healthz names them", troubles);
     let shown = std::iter::once((Vec::new(), now_ns().saturating_sub(status.at_ns) as f64 / 1e9));
-    measured(registry, ("status_age", Some(Unit::Seconds)), "Time since the line last showed itself", shown);
+    measured(registry, ("status_age", Some(Unit::Seconds)), "Time since the line last sent its status", shown);
 }
 
 /// Memory of the process `pid`, in bytes.
@@ -181,7 +181,7 @@ fn resident_bytes(pid: u32) -> Option<f64> {
     Some(memory::bytes(&text, "VmRSS")? as f64)
 }
 
-/// Time since the begin of the `day`, as `2026-11-24`, in UTC.
+/// Time since the start of the `day`, such as `2026-11-24`, in UTC.
 fn age_s(day: &str) -> Option<f64> {
     let begin = day.parse::<Date>().ok()?.to_zoned(TimeZone::UTC).ok()?.timestamp();
     Some(Timestamp::from_nanosecond(now_ns().into()).ok()?.duration_since(begin).as_secs_f64())

@@ -1,10 +1,10 @@
 //! The page of a running line, its metrics and its health over HTTP.
 //!
-//! It is one more viewer of the line's status. Everything happens on a thread of its own, which is handed each new status and
-//! keeps only the newest: however slow or many its clients are, the line does not notice.
+//! It is one more viewer of the line's status. It runs on a thread of its own, which gets each new status and
+//! keeps only the newest: slow clients, or many of them, do not affect the line.
 //!
-//! - here: the thread, its connections, and what is answered at which path
-//! - `access`: who may look
+//! - here: the thread, its connections, and the answer at each path
+//! - `access`: who may see the line
 //! - `metrics`: numbers for Prometheus
 //! - `reports`: the reports of the last casings
 
@@ -54,13 +54,13 @@ const FOLLOWERS_MAX: usize = 16;
 /// How long a client may take to send the head of a request.
 const HEAD_WITHIN: Duration = Duration::from_secs(10);
 
-/// A client that has taken nothing for so long is gone, in milliseconds.
+/// A client that has received nothing for so long is gone, in milliseconds.
 const GONE_AFTER_MS: u32 = 30_000;
 
 /// How long clients have to receive the last status, and reports to end.
 const END_WITHIN: Duration = Duration::from_millis(300);
 
-/// A line that has shown nothing for so long hangs: it shows itself every second.
+/// A line that has sent no status for so long hangs: it sends one every second.
 const SILENT_AFTER_NS: i64 = 5_000_000_000;
 
 /// What browsers may do with the answers: load the page's own script and style, and nothing else.
@@ -87,9 +87,9 @@ struct App {
     statuses: watch::Receiver<Shown>,
     access: Arc<Access>,
     followers: Arc<Semaphore>,
-    /// Who makes a report: one at a time.
+    /// Allows one report to be made at a time.
     reports: Arc<Semaphore>,
-    /// Whether the disk is asked for its room.
+    /// Whether the disk is asked for its free space.
     is_room_asked: Arc<AtomicBool>,
 }
 
@@ -126,7 +126,7 @@ impl Server {
         self.url.clone()
     }
 
-    /// Hands a new status to whoever looks on, without waiting for them; whether the page is still served.
+    /// Passes a new status to all viewers, without waiting for them; whether the page is still served.
     pub(crate) fn show(&self, status: &str) -> bool {
         self.statuses.iter().for_each(|statuses| drop(statuses.send_replace(status.into())));
         self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
@@ -179,7 +179,7 @@ async fn serve(listener: std::net::TcpListener, app: App) -> std::io::Result<()>
     Ok(())
 }
 
-/// Has the system end the connection when the client takes nothing any more: it was frozen, or its network is away.
+/// Has the system end the connection when the client receives nothing more: it is frozen, or its network is down.
 fn end_if_gone(stream: &TcpStream) {
     let set = rustix::net::sockopt::set_tcp_user_timeout(stream, GONE_AFTER_MS);
     if let Err(error) = set.map_err(std::io::Error::from).and_then(|()| stream.set_nodelay(true)) {
@@ -202,7 +202,7 @@ fn router(app: App) -> Router {
         .with_state(app)
 }
 
-/// Answers whoever may look, and tells browsers what they may do with the answer.
+/// Answers those who may see the line, and tells browsers what they may do with the answer.
 async fn guard(State(app): State<App>, request: Request, next: Next) -> Response {
     let (head, body) = request.into_parts();
     let mut answer = match app.access.refusal(&head).await {
@@ -229,7 +229,7 @@ async fn login(State(app): State<App>, Form(login): Form<Login>) -> Response {
     app.access.login(&login).await
 }
 
-/// Every new status, as server-sent events; those that the client has no time for are left out.
+/// Every new status, as server-sent events; a slow client misses some.
 async fn events(State(app): State<App>) -> Response {
     let Ok(place) = Arc::clone(&app.followers).try_acquire_owned() else {
         return refuse(StatusCode::SERVICE_UNAVAILABLE, format!("{FOLLOWERS_MAX} pages follow this line already"));
@@ -257,7 +257,7 @@ async fn numbers(State(app): State<App>) -> Response {
     }
 }
 
-/// 200 while the line goes on, else 503 with the reasons.
+/// 200 while the line works, otherwise 503 with the reasons.
 async fn health(State(app): State<App>) -> Response {
     let Some(status) = app.status() else {
         return refuse(StatusCode::SERVICE_UNAVAILABLE, "the line starts".to_owned());
@@ -280,12 +280,12 @@ impl App {
     }
 }
 
-/// An answer that says in a line why there is no other.
+/// An answer that gives the reason in one line.
 fn refuse(code: StatusCode, why: String) -> Response {
     (code, format!("{why}\n")).into_response()
 }
 
-/// Runs `work`, which may wait for a disk, beside the answers; an error if it fails or takes longer than `patience`.
+/// Runs `work`, which may wait for a disk, on another thread; an error if it fails or takes longer than `patience`.
 async fn beside<T: Send + 'static>(
     patience: Duration,
     work: impl FnOnce() -> T + Send + 'static,

@@ -1,5 +1,5 @@
-//! The reports of the last casings, made when they are asked for by a process of their own: a file that is slow to read holds up
-//! nobody else.
+//! The reports of the last casings. Each is made on request by a process of its own, so that a file that is slow to
+//! read delays nobody else.
 
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
@@ -17,13 +17,13 @@ use tokio::sync::Semaphore;
 use crate::serve::{beside, refuse};
 use crate::shown::status::Status;
 
-/// How long a report may take, and wait for others.
+/// How long a report may take, and may wait for others.
 const TIMEOUT: Duration = Duration::from_secs(60);
 
-/// By how much a report gives way to the line, as `nice` counts.
+/// How far a report gives way to the line, as a value of `nice`.
 const NICE: i32 = 15;
 
-/// Reports have their style in the page, and no script.
+/// Reports contain their own style, and no script.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'; \
                       frame-ancestors 'none'";
 
@@ -41,7 +41,7 @@ pub(super) struct Wanted {
 pub(super) async fn page(turn: &Semaphore, status: &Status, wanted: Wanted) -> Response {
     // No other file can be asked for.
     if !status.verdicts.iter().any(|verdict| verdict.file == wanted.file) {
-        let why = format!("{} is the file of none of the last casings", wanted.file.display());
+        let why = format!("{} is not the file of one of the last casings", wanted.file.display());
         return refuse(StatusCode::NOT_FOUND, why);
     }
     let Ok(Ok(_turn)) = tokio::time::timeout(TIMEOUT, turn.acquire()).await else {
@@ -57,9 +57,9 @@ pub(super) async fn page(turn: &Semaphore, status: &Status, wanted: Wanted) -> R
     }
 }
 
-/// Has this program write the pages of `file`, and returns that of one tyre.
+/// Has this program write the pages of `file`, and returns the page of one tyre.
 fn make(file: &Path, tyre: usize) -> Result<String> {
-    let folder = tempfile::tempdir().context("there is no room for it")?;
+    let folder = tempfile::tempdir().context("cannot make a folder for it")?;
     let mut child = Command::new("/proc/self/exe")
         .arg("report")
         .arg(file)
@@ -90,6 +90,6 @@ fn make(file: &Path, tyre: usize) -> Result<String> {
     child.stdout.take().context("it has no output")?.read_to_string(&mut printed)?;
     // A page for each tyre, and one for the shift.
     let Some(path) = printed.lines().nth(tyre) else { bail!("it ended with {status}; the file may be damaged") };
-    ensure!(Path::new(path).starts_with(folder.path()), "{path} is no page of it");
+    ensure!(Path::new(path).starts_with(folder.path()), "{path} is none of its pages");
     std::fs::read_to_string(path).with_context(|| format!("cannot read {path}"))
 }

@@ -1,4 +1,4 @@
-//! How far a casing is: its taps counted, and where on its shoulders they lie.
+//! Progress of a casing: the counts of its taps, and where they are on its shoulders.
 
 use std::collections::BTreeMap;
 
@@ -24,9 +24,9 @@ pub(crate) struct ShoulderStatus {
     pub shoulder: u16,
     /// Angle of each location in degrees, clockwise from the start mark; empty on a line, and where angles are unknown.
     pub angles_deg: Vec<f64>,
-    /// One character for each location: how many of its taps there are, from `0`, none, to `9`, all; `r` where one is refused.
+    /// One character per location, for how many of its taps are done: `0`, none, to `9`, all; `r` if one is refused.
     pub locations: String,
-    /// Taps at them.
+    /// Its planned taps.
     pub planned: usize,
     /// Of these, archived or refused.
     pub settled: usize,
@@ -36,7 +36,7 @@ pub(crate) struct ShoulderStatus {
 #[derive(Debug, Default)]
 pub(crate) struct Layout {
     shoulders: Vec<Shoulder>,
-    /// For each row of the plan its shoulder, and its place among the shoulder's locations. Taps that close a ring have none.
+    /// For each row of the plan, its shoulder and its place among the locations; `None` for taps that close a ring.
     places: Vec<Option<(usize, usize)>>,
 }
 
@@ -48,7 +48,7 @@ struct Shoulder {
     location_count: usize,
 }
 
-/// The locations of a shoulder, each with its angle where that is known.
+/// The locations of a shoulder, each with its angle if that is known.
 type Locations = BTreeMap<u32, Option<f64>>;
 
 /// The taps at one location.
@@ -66,7 +66,7 @@ impl Layout {
         let mut scan_of = Vec::with_capacity(taps.len());
         for tap in taps {
             let key = (tap.id.tyre, tap.id.shoulder);
-            // Neighbouring rows are mostly of the same shoulder, which was seen last.
+            // Neighbouring rows mostly have the same shoulder: search from the last one.
             let scan = scans.iter().rposition(|(known, _)| *known == key).unwrap_or_else(|| {
                 scans.push((key, BTreeMap::new()));
                 scans.len() - 1
@@ -86,7 +86,7 @@ impl Layout {
         let shoulder = |((tyre, number), locations): ((Serial, u16), Locations)| Shoulder {
             tyre,
             number,
-            // A tenth of a degree is finer than any picture of it.
+            // A tenth of a degree is finer than any picture shows.
             angles_deg: locations
                 .values()
                 .map(|angle| angle.map(|deg| (deg * 10.0).round() / 10.0))
@@ -97,7 +97,7 @@ impl Layout {
         Self { shoulders: scans.into_iter().map(shoulder).collect(), places }
     }
 
-    /// The shoulders as `ledger` has their taps; none is there before the first ledger.
+    /// The shoulders with the states of their taps in `ledger`; without one all are missing.
     pub(crate) fn shoulders(&self, ledger: Option<&Ledger>) -> Vec<ShoulderStatus> {
         let mut counts: Vec<Vec<Count>> =
             self.shoulders.iter().map(|shoulder| vec![Count::default(); shoulder.location_count]).collect();
@@ -150,8 +150,8 @@ mod tests {
         PlannedTap { id, angle_deg, purpose: Purpose::Scan }
     }
 
-    /// Catches a location that looks done while one of its taps is to come, at another angle than it has, or of another shoulder;
-    /// a refused tap that looks done; and a tap that closes a ring shown as a location.
+    /// Catches a location that looks done while one of its taps is missing, or that has a wrong angle or shoulder;
+    /// a refused tap that looks done; and a closing tap of a ring that is shown as a location.
     #[test]
     fn each_location_shows_how_many_of_its_taps_there_are() {
         let mut taps = Vec::new();

@@ -2,23 +2,23 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Upper bounds of the bins but the last, which has none, in seconds. A verdict is promised within a second.
+/// Upper bounds of all bins except the last, in seconds. A verdict is promised within a second.
 pub(crate) const BOUNDS_S: [f64; 8] = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 60.0];
 
-/// Casings that waited longer were interrupted: the line or the machine was started again in between.
+/// Casings that waited longer were interrupted: the line or the machine was restarted in between.
 const INTERRUPTED_S: f64 = 600.0;
 
 /// Times from the last tap of a casing to its verdict.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Latency {
-    /// How many are in each bin, [`BOUNDS_S`] and one above.
+    /// How many are in each bin: those of [`BOUNDS_S`], and one above.
     pub counts: [u64; BOUNDS_S.len() + 1],
     /// Their sum, in seconds.
     pub sum_s: f64,
 }
 
 impl Latency {
-    /// Counts a verdict that took so long, unless something lay in between.
+    /// Counts a verdict that took this long, unless the casing was interrupted.
     pub(crate) fn note(&mut self, latency_s: f64) {
         if !(0.0..INTERRUPTED_S).contains(&latency_s) {
             return;

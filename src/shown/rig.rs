@@ -1,4 +1,4 @@
-//! What the last casings of a station have in common speaks of its rig.
+//! What the last casings of a station have in common points to its rig.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt;
@@ -8,30 +8,30 @@ use tapline_wire::{Discriminator, Reasons};
 
 use crate::shown::whole::{SOUND_GAIN, Whole};
 
-/// How many of its last casings are looked at.
+/// How many of a station's last casings are examined.
 const LAST: usize = 8;
 
-/// Fewest casings with the same sign that speak of the rig, beside half of the last ones.
+/// A sign needs at least so many casings, and also half of the last ones.
 const MANY: usize = 4;
 
 /// A sign is over after so many casings in a row without it.
 const OVER_AFTER: usize = 3;
 
-/// Reasons that a changed rig gives to one casing after the other, as damage all round and another kind of casing do.
+/// Reasons that casings get when the rig has changed, but also for damage all round or another kind of casing.
 const REASONS: [Reasons; 4] = [Reasons::LEVEL_OFF, Reasons::SCATTER_OFF, Reasons::FORCE_OFF, Reasons::FEATURES_ABSENT];
 
 /// Shoulders that lack taps say nothing of the rig.
 const INCOMPLETE: Reasons = Reasons::NOT_ENDED.union(Reasons::TAPS_REFUSED).union(Reasons::TAPS_MISSING);
 
-/// Nor do casings with damage: where a part of the ring is cracked, its level and its scatter are off by that.
+/// Nor do casings with damage: if part of the ring is cracked, that alone changes its level and its scatter.
 const CRACKED: Reasons = Reasons::DAMAGE;
 
-/// How far the level of A_1 must be from the reference's for that: 2 dB.
+/// How far the level of A_1 must be from the reference's to be a sign: 2 dB.
 const GAIN: f64 = 1.25;
 
-/// What the signs ask of people.
+/// What the signs ask people to do.
 pub(crate) const ASKS: &str =
-    "check the rig, unless these casings are cracked all round, or of another kind than the reference's";
+    "check the rig, unless these casings are cracked all round or of another kind than those of the reference";
 
 /// Something that the casings of a station have in common.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -44,7 +44,7 @@ pub(crate) struct Sign {
     pub first: String,
     /// The last of them.
     pub last: String,
-    /// What the name leaves open, the median of the last of these casings.
+    /// What the name does not say: the median over the last of these casings.
     pub detail: Option<String>,
 }
 
@@ -56,7 +56,7 @@ impl fmt::Display for Sign {
     }
 }
 
-/// A sign of a station, which it still has unless it is over.
+/// A sign of a station; the station still has it unless it is over.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct StationSign {
     pub station: u16,
@@ -94,10 +94,10 @@ pub(crate) struct Rigs {
 }
 
 impl Rigs {
-    /// Adds a casing, each shoulder by the reasons of its verdict and by what holds for the whole of it; returns the signs that
-    /// its station has since, and those that are over.
+    /// Adds a casing: for each shoulder the reasons of its verdict, and its properties as a whole. Returns the
+    /// signs that have begun with it, and those that are over.
     ///
-    /// A station has a sign when half of its last 8 casings without damage have it, and 4 at least, until 3 in a row are without.
+    /// A station has a sign when 4 and half of its last 8 casings without damage have it, until 3 in a row do not.
     pub(crate) fn add<'a>(
         &mut self,
         station: u16,
@@ -130,7 +130,7 @@ impl Rigs {
     }
 }
 
-/// What speaks of the rig in a casing with such shoulders: the reasons that half of them have, and the gain of the sound.
+/// The signs in a casing with these shoulders: reasons that half of them have, and the gain of the sound.
 fn signs(shoulders: &[Reasons], whole: &Whole) -> Vec<&'static str> {
     let is_of_casing =
         |reason: Reasons| 2 * shoulders.iter().filter(|of| of.contains(reason)).count() >= shoulders.len();
@@ -161,7 +161,7 @@ impl RigWatch {
                 false => self.signs.push(sign),
             }
         }
-        // Casings from before a mend make no new sign.
+        // Casings from before a repair start no new sign.
         for (sign, _) in &changed {
             self.last.iter_mut().for_each(|seen| seen.signs.retain(|name| *name != sign.name));
         }
@@ -174,7 +174,7 @@ impl RigWatch {
             if having.len() < MANY || 2 * having.len() < self.last.len() {
                 continue;
             }
-            // From its first casing on three in four have it: an odd one before them does not count.
+            // From its first casing on, three in four have it: a stray one before them does not count.
             let is_first =
                 |&(order, place): &(usize, &usize)| 4 * (having.len() - order) >= 3 * (self.last.len() - place);
             let (order, &place) = having.iter().enumerate().find(is_first).unwrap_or((0, &having[0]));
@@ -192,7 +192,7 @@ impl RigWatch {
     }
 }
 
-/// What the sign `name` leaves open, of the casings that have it.
+/// What the name of a sign does not say, for the casings that have it.
 fn detail(last: &VecDeque<Seen>, name: &str) -> Option<String> {
     let having = last.iter().filter(|seen| seen.signs.contains(&name)).map(|seen| &seen.whole);
     Whole::median(having).detail(name)
@@ -220,7 +220,7 @@ mod tests {
         said
     }
 
-    /// Catches a sign of an odd casing, one that never comes, never ends or comes again, and a wrong first, last or count.
+    /// Catches a sign of a stray casing, one that never begins, ends or comes again, and a wrong first, last or count.
     #[test]
     fn a_sign_is_what_half_of_the_last_casings_have() {
         let of = |k: usize| if (10..20).contains(&k) || k == 6 { Reasons::LEVEL_OFF } else { Reasons::SUSPECT };
@@ -230,8 +230,8 @@ mod tests {
         assert_eq!(
             said(&casings),
             [
-                format!("A-12 begins {words} 3 casings, A-10 to A-12: f_max -20.0 % beside the reference's"),
-                format!("A-22 ends {words} 10 casings, A-10 to A-19: f_max -20.0 % beside the reference's"),
+                format!("A-12 begins {words} 3 casings, A-10 to A-12: f_max -20.0 % relative to the reference's"),
+                format!("A-22 ends {words} 10 casings, A-10 to A-19: f_max -20.0 % relative to the reference's"),
             ]
         );
         assert_eq!(said(&casings[..12]), [""; 0]);
@@ -242,8 +242,8 @@ mod tests {
         );
     }
 
-    /// Catches casings with damage or without all of their taps that speak of the rig, a change of gain that makes no sign, and two
-    /// stations that are taken for one.
+    /// Catches casings with damage or missing taps that give a sign, a change of gain that gives none, and two
+    /// stations that are mistaken for one.
     #[test]
     fn a_sign_is_of_whole_casings_and_of_one_station() {
         let absent = Reasons::FEATURES_ABSENT;
@@ -251,7 +251,7 @@ mod tests {
             assert_eq!(said(&vec![(absent | more, whole(1.0, 1.0)); 9]), [""; 0]);
         }
         let quiet = vec![(Reasons::default(), whole(1.0, 0.5)); 5];
-        let gain = "station 1: sound_gain on 5 casings, A-0 to A-4: a_1 -50.0 % beside the reference's";
+        let gain = "station 1: sound_gain on 5 casings, A-0 to A-4: a_1 -50.0 % relative to the reference's";
         assert_eq!(said(&quiet)[1], format!("has {gain}"));
         let mut rigs = Rigs::default();
         for k in 0..6 {

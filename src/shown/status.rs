@@ -1,4 +1,4 @@
-//! The status of a line: what it is doing, and what people should know of it.
+//! The status of a line: what it is doing, and what people should know about it.
 
 use std::path::PathBuf;
 
@@ -21,7 +21,7 @@ pub(crate) struct Status {
     pub is_ending: bool,
     /// Why the archive cannot be written, so that the line waits.
     pub held_by: Option<String>,
-    /// What keeps the line from going on as it should at this moment; empty while it does.
+    /// What keeps the line from working as it should at this moment; empty while nothing does.
     pub troubles: Vec<String>,
     pub taps_per_s: f64,
     pub settled_count: u64,
@@ -30,7 +30,7 @@ pub(crate) struct Status {
     pub refused_count: u64,
     pub lost_count: u64,
     pub latency: Latency,
-    /// Where verdicts go, but for standard output.
+    /// Where verdicts go, except standard output.
     pub receivers: Vec<ReceiverStatus>,
     pub stations: Vec<StationStatus>,
     pub stages: Vec<StageStatus>,
@@ -54,22 +54,22 @@ pub(crate) struct StationStatus {
     pub number: u16,
     /// The casing that it taps.
     pub casing: Option<CasingStatus>,
-    /// The casing before, as it was when its verdict was told.
+    /// The previous casing, as it was when its verdict was reported.
     pub last: Option<CasingStatus>,
     /// What it waits for; empty while it taps.
     pub waits_for: String,
     pub tally: Tally,
-    /// What holds for its last casing as a whole: the median of its shoulders.
+    /// Properties of its last casing as a whole: the median over its shoulders.
     pub whole: Whole,
     /// Signs that its rig has changed.
     pub signs: Vec<Sign>,
     /// Day of the oldest calibration that its last casing was judged by, as `2026-11-24`.
     pub calibrated_on: Option<String>,
-    /// Whether a calibration did not hold on the day on which that was tapped.
+    /// Whether a calibration is not known to be valid on the day of its taps.
     pub is_calibration_out_of_date: bool,
 }
 
-/// How it stands with one of those who are told verdicts.
+/// The state of one receiver of verdicts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ReceiverStatus {
     pub name: String,
@@ -112,7 +112,7 @@ pub(crate) struct StageStatus {
 }
 
 impl Status {
-    /// The status as text for shared memory. Where it is too long, it is cut as [`CUTS`] says.
+    /// The status as text for shared memory. If it is too long, it is shortened as [`CUTS`] says.
     pub(crate) fn encode(&self) -> String {
         let mut status = self.clone();
         loop {
@@ -127,7 +127,7 @@ impl Status {
     }
 }
 
-/// What is left out of a status that is too long, the first that is there before the others; each says whether it was there.
+/// What is left out of a status that is too long, in this order; each returns whether there was anything to leave out.
 const CUTS: [fn(&mut Status) -> bool; 4] = [
     // The places of taps.
     |status| {

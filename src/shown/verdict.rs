@@ -1,4 +1,4 @@
-//! The verdict on a casing when its file is closed: that on each shoulder, for people and for programs.
+//! The verdict on a casing whose file is closed, with that on each shoulder, for people and for programs.
 
 use std::io::Write as _;
 use std::path::PathBuf;
@@ -17,7 +17,7 @@ use tapline_host::stdout::Stdout;
 pub(crate) struct CasingVerdict {
     /// The kind of this line of JSON: `verdict`.
     pub kind: String,
-    /// Its name: no other casing has it, and it is reported under it however often.
+    /// Its id: no other casing has it, and every report of this verdict has the same.
     pub id: String,
     /// When the casing's file was finished, in ns since the Unix epoch.
     pub at_ns: i64,
@@ -56,11 +56,11 @@ pub(crate) struct ShoulderVerdict {
     pub regions: usize,
     /// The regions: where damage lies.
     pub arcs: Vec<DamageArc>,
-    /// The greatest damage index in the region of the strongest arc, or without regions that of the shoulder.
+    /// The greatest damage index in the region of the strongest arc; without regions, in the shoulder.
     pub peak_damage_index: Option<f64>,
     /// Where it is.
     pub peak_location: Option<u32>,
-    /// How far the strongest arc stands out, which the limits are for.
+    /// How far the strongest arc stands out; the limits apply to it.
     pub strongest_arc: Option<f64>,
     pub limit_re_inspect: Option<f64>,
     pub limit_reject: Option<f64>,
@@ -125,7 +125,7 @@ impl CasingVerdict {
         serde_json::to_string(self).unwrap_or_default() // all keys are text, and a line refuses a folder whose name is not
     }
 
-    /// Prints it: in short or in full a line for each shoulder, or one of JSON for all.
+    /// Prints it: a short or full line for each shoulder, or one line of JSON for all.
     pub(crate) fn print(&self, form: Form) -> Result<()> {
         let mut out = Stdout;
         for shoulder in self.shoulders.iter().filter(|_| form != Form::Json) {
@@ -176,7 +176,7 @@ impl ShoulderVerdict {
             limit_reject: None,
         };
         if let Some((judgement, cells)) = judged {
-            // That of the strongest arc; of equals the first, as everywhere. What a second reading cleared is in no region.
+            // In the strongest arc; of equals the first, as everywhere. What a second reading cleared is in no region.
             let has_region = cells.iter().any(|cell| cell.region > 0);
             let counts = |cell: &&DamageCell| !cell.damage_index.is_nan() && (cell.region > 0 || !has_region);
             let by_strength = |a: &&DamageCell, b: &&DamageCell| {
@@ -213,7 +213,7 @@ impl ShoulderVerdict {
         format!("{verdict} {}/{}", self.tyre, self.shoulder)
     }
 
-    /// The same without what some reasons leave open, which is told elsewhere.
+    /// The same without the details of some reasons, which are printed elsewhere.
     pub(crate) fn without_details(&self, reasons: &[&str]) -> Self {
         let mut brief = self.clone();
         if reasons.contains(&"scatter_off") {
@@ -225,7 +225,7 @@ impl ShoulderVerdict {
         brief
     }
 
-    /// Its reasons but some for people, with `between` them, and what each leaves open.
+    /// Its reasons except `but`, for people, with `between` them, each with its details.
     pub(crate) fn why(&self, between: &str, but: &[&str]) -> String {
         let with_detail = |reason: &str| match self.whole.detail(reason) {
             Some(detail) => format!("{reason}: {detail}"),
@@ -238,14 +238,14 @@ impl ShoulderVerdict {
     }
 }
 
-/// Time since the last tap of a finished casing was sent, in seconds, on this machine since it was started; `None` where no tap
-/// is archived.
+/// Time since the last tap of a finished casing was sent, in seconds, by the monotonic clock of this machine; `None`
+/// if no tap is archived.
 pub(crate) fn since_last_tap_s(reader: &Reader) -> Result<Option<f64>> {
     let sent_ns = reader.headers()?.into_iter().flatten().map(|header| header.sent_ns).max();
     Ok(sent_ns.map(|sent_ns| monotonic_ns().saturating_sub(sent_ns) as f64 / 1e9))
 }
 
-/// Day of the oldest certificate of the casing's calibrations, and whether one did not hold on the day of the taps; computed samples need none.
+/// Day of the casing's oldest calibration certificate, and whether one was out of date; computed samples need none.
 pub(crate) fn calibration(reader: &Reader) -> (Option<String>, bool) {
     let recording = &reader.plan().recording;
     let channels = Channel::BOTH;

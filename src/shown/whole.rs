@@ -1,4 +1,4 @@
-//! What a verdict says of a shoulder as a whole, and of no place.
+//! What a verdict says of a shoulder as a whole, not of any one place.
 
 use std::collections::BTreeMap;
 
@@ -6,15 +6,15 @@ use serde::{Deserialize, Serialize};
 use tapline_draw::stats::median;
 use tapline_wire::{Discriminator, Judgement, Quality, Reasons};
 
-/// The sign of a microphone that hears everything louder or more quietly than it did: no verdict minds, as gain is no damage.
+/// The sign of a microphone that hears everything louder or quieter than before. Verdicts ignore it: gain is no damage.
 pub(crate) const SOUND_GAIN: &str = "sound_gain";
 
 /// Flags, scatter and level of a shoulder, by name.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Whole {
-    /// The flags on more than half of its taps, with their shares; empty unless the verdict speaks of them.
+    /// The flags on more than half of its taps, with their shares; empty unless the verdict has the reason `flagged`.
     pub flags: BTreeMap<String, f64>,
-    /// How far each discriminator scatters from place to place, as a multiple of how far it does in the reference, where that is
+    /// Scatter of each discriminator from place to place, as a multiple of the reference's, where that is
     /// known.
     pub scatter: BTreeMap<String, f64>,
     /// Level of each discriminator, as a multiple of the reference's, where that is known.
@@ -34,7 +34,7 @@ impl Whole {
         }
     }
 
-    /// The median of each number over `all`, to four decimals: a status has many stations.
+    /// The median of each number over `all`, to four decimals, as a status may have many stations.
     pub(crate) fn median<'a>(all: impl Iterator<Item = &'a Self> + Clone) -> Self {
         let of = |values: fn(&Self) -> &BTreeMap<String, f64>| {
             let mut by_name: BTreeMap<&String, Vec<f64>> = BTreeMap::new();
@@ -48,7 +48,7 @@ impl Whole {
         Self { flags: of(|whole| &whole.flags), scatter: of(|whole| &whole.scatter), level: of(|whole| &whole.level) }
     }
 
-    /// What the reason with this name leaves open: which flags, which discriminators and how far.
+    /// What the name of a reason does not say: which flags, which discriminators and how far.
     pub(crate) fn detail(&self, reason: &str) -> Option<String> {
         match reason {
             "flagged" => flags(&self.flags),
@@ -66,7 +66,7 @@ fn flags(flags: &BTreeMap<String, f64>) -> Option<String> {
     (!flags.is_empty()).then(|| shares.collect::<Vec<_>>().join(", "))
 }
 
-/// The discriminators that scatter most beside the reference, three at most: "pr 3.2, a_1 2.9 times the reference's".
+/// At most three discriminators, those that scatter most: "pr 3.2, a_1 2.9 times the reference's".
 fn scatter(scatter: &BTreeMap<String, f64>) -> Option<String> {
     if scatter.is_empty() {
         return None;
@@ -78,10 +78,10 @@ fn scatter(scatter: &BTreeMap<String, f64>) -> Option<String> {
     Some(format!("{} times the reference's", large.collect::<Vec<_>>().join(", ")))
 }
 
-/// Some levels: "f_max -19.0 %, tau +10.2 %, pr +0.4 % beside the reference's". A few per cent are much.
+/// Some levels: "f_max -19.0 %, tau +10.2 %, pr +0.4 % relative to the reference's". A few per cent are much.
 fn level(level: &BTreeMap<String, f64>, some: &[Discriminator]) -> Option<String> {
     let some = some.iter().map(|which| which.name());
     let known = some.filter_map(|which| Some(format!("{which} {:+.1} %", 100.0 * (level.get(which)? - 1.0))));
     let known: Vec<String> = known.collect();
-    (!known.is_empty()).then(|| format!("{} beside the reference's", known.join(", ")))
+    (!known.is_empty()).then(|| format!("{} relative to the reference's", known.join(", ")))
 }

@@ -52,13 +52,13 @@ mod tests {
         found
     }
 
-    /// Catches a default that the example states otherwise, and a key that is not read any more.
+    /// Catches a default that differs from the example's, and a key that is no longer read.
     #[test]
     fn the_example_states_the_defaults() {
         assert_eq!(Config::parse(EXAMPLE).unwrap(), Config::default());
         let defaults = keys_of(&toml::to_string(&Config::default()).unwrap());
         let missing: Vec<_> = defaults.difference(&keys_of(EXAMPLE)).filter(|key| *key != "station").cloned().collect();
-        // Lists that are empty stand in the example as what could be in them.
+        // The example shows empty lists by what could be in them.
         assert_eq!(missing, ["scan.tyre", "simulation.fault"]);
     }
 

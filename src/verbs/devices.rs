@@ -1,4 +1,4 @@
-//! `tapline devices`: what can be listened to.
+//! `tapline devices`: the usable sound cards.
 
 use std::io::Write as _;
 
@@ -18,7 +18,7 @@ pub(crate) fn devices(names: &[String], as_json: bool) -> Result<bool> {
         return Ok(cards.iter().any(|card| card.abilities.is_ok()));
     }
     if cards.is_empty() {
-        writeln!(out, "no sound card can be listened to here")?;
+        writeln!(out, "this machine has no sound card to listen to")?;
         return Ok(false);
     }
     let mut table = table(["device", "channels", "rate, Hz", "bits", "what it is"]);

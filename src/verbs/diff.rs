@@ -71,7 +71,7 @@ struct Difference {
     /// Whether sample rate, time before the trigger, channels, their units and all angles are the same.
     is_recorded_alike: bool,
     is_reference_same: bool,
-    /// Taps that are in one of them alone.
+    /// Taps that only one of them has.
     taps_alone: usize,
     discriminators: Vec<DiscriminatorDifference>,
     /// Taps whose flags differ.
@@ -84,7 +84,7 @@ struct DiscriminatorDifference {
     name: &'static str,
     /// Taps whose values differ.
     differ: usize,
-    /// By which part of the value before at most.
+    /// At most by which part of the value before.
     relative_max: f64,
 }
 
@@ -98,9 +98,9 @@ struct ShoulderDifference {
     reasons_after: Option<String>,
     /// Locations whose damage index differs.
     locations_differ: usize,
-    /// How many of them have an index in one of both alone.
+    /// How many of them have an index in only one of the two.
     locations_absent: usize,
-    /// By how much at most the others differ.
+    /// Largest difference of the others.
     index_max: Option<f64>,
 }
 
@@ -153,7 +153,7 @@ fn what_differs(a: &[TapId], b: &[TapId]) -> String {
     let alone = [of_a.difference(&of_b).count(), of_b.difference(&of_a).count()];
     match alone {
         [0, 0] => "they have the same taps in another order".to_owned(),
-        [first, second] => format!("{first} taps are planned in the first alone, {second} in the second alone"),
+        [first, second] => format!("{first} taps are planned only in the first, {second} only in the second"),
     }
 }
 
@@ -199,7 +199,7 @@ impl ShoulderDifference {
     }
 }
 
-/// How many of the `indices` of two archives differ, how many of these are in one alone, and by how much the others differ at most.
+/// How many of the `indices` of two archives differ, how many of them only one has, and the largest other difference.
 fn index_differences(indices: impl Iterator<Item = (f64, f64)>) -> (usize, usize, Option<f64>) {
     let differ = indices.filter(|(a, b)| a.to_bits() != b.to_bits());
     let differences: Vec<f64> = differ.map(|(a, b)| (b - a).abs()).collect();
@@ -213,14 +213,14 @@ fn index_differences(indices: impl Iterator<Item = (f64, f64)>) -> (usize, usize
 
 impl fmt::Display for Difference {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "lineage    {}", if self.is_lineage_same { "the same" } else { "another:" })?;
+        writeln!(f, "lineage    {}", if self.is_lineage_same { "the same" } else { "differs:" })?;
         for (key, before, after) in &self.lineage {
             writeln!(f, "           {key}: {before} -> {after}")?;
         }
         if !self.is_raw_same {
             writeln!(
                 f,
-                "           the recordings differ: in their samples, or in what is noted with a tap (time, velocity, scale, distance, attempt)"
+                "           the recordings differ: in their samples, or in a tap's time, velocity, scale, distance or attempt"
             )?;
         }
         if !self.is_recorded_alike {
@@ -230,7 +230,7 @@ impl fmt::Display for Difference {
             writeln!(f, "           the reference files differ")?;
         }
         if self.taps_alone > 0 {
-            writeln!(f, "taps       {} are in one of them alone", self.taps_alone)?;
+            writeln!(f, "taps       {} are in only one of them", self.taps_alone)?;
         }
         for DiscriminatorDifference { name, differ, relative_max } in &self.discriminators {
             match differ {
@@ -239,7 +239,7 @@ impl fmt::Display for Difference {
             }
         }
         if self.flags_differ > 0 {
-            writeln!(f, "quality    {} other flags", counted(self.flags_differ, "tap has", "taps have"))?;
+            writeln!(f, "quality    {} different flags", counted(self.flags_differ, "tap has", "taps have"))?;
         }
         self.shoulders.iter().try_for_each(|shoulder| writeln!(f, "{}  {shoulder}", shoulder.shoulder))
     }
@@ -249,8 +249,8 @@ impl fmt::Display for ShoulderDifference {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (was, is) = match (&self.verdict_before, &self.verdict_after) {
             (None, None) => return f.write_str("not judged in either"),
-            (Some(_), None) => return f.write_str("judged in the first alone"),
-            (None, Some(_)) => return f.write_str("judged in the second alone"),
+            (Some(_), None) => return f.write_str("judged only in the first"),
+            (None, Some(_)) => return f.write_str("judged only in the second"),
             (Some(was), Some(is)) => (was, is),
         };
         match was == is {
@@ -265,12 +265,12 @@ impl fmt::Display for ShoulderDifference {
         let locations = counted(self.locations_differ, "location", "locations");
         match self.index_max {
             None if self.locations_differ == 0 => f.write_str(", index the same"),
-            None => write!(f, ", index at {locations} in one of them alone"),
+            None => write!(f, ", index at {locations} in only one of them"),
             Some(largest) => {
                 write!(f, ", index differs at {locations}, by {largest:.2e} at most")?;
                 match self.locations_absent {
                     0 => Ok(()),
-                    absent => write!(f, "; {absent} of them have it in one alone"),
+                    absent => write!(f, "; {absent} of them have it in only one"),
                 }
             }
         }
@@ -281,7 +281,7 @@ impl fmt::Display for ShoulderDifference {
 mod tests {
     use super::*;
 
-    /// Catches an index that is in one archive alone and is left out, called the same, or printed as a number.
+    /// Catches an index that only one archive has and that is left out, called the same, or printed as a number.
     #[test]
     fn an_index_in_one_archive_alone_is_counted() {
         let of = |locations_differ, locations_absent, index_max| ShoulderDifference {
@@ -296,11 +296,11 @@ mod tests {
         };
         for (difference, words) in [
             (of(0, 0, None), "PASS, index the same"),
-            (of(1, 1, None), "PASS, index at 1 location in one of them alone"),
+            (of(1, 1, None), "PASS, index at 1 location in only one of them"),
             (of(9, 0, Some(0.5)), "PASS, index differs at 9 locations, by 5.00e-1 at most"),
             (
                 of(9, 8, Some(0.5)),
-                "PASS, index differs at 9 locations, by 5.00e-1 at most; 8 of them have it in one alone",
+                "PASS, index differs at 9 locations, by 5.00e-1 at most; 8 of them have it in only one",
             ),
         ] {
             assert!(difference.to_string().ends_with(words), "{difference}");

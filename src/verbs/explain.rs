@@ -87,7 +87,7 @@ struct Explanation {
     shoulder: Option<ShoulderExplanation>,
 }
 
-/// An option that is not as by default.
+/// An option that does not have its default.
 #[derive(Debug, Serialize)]
 struct OtherOption {
     key: String,
@@ -110,7 +110,7 @@ struct LocationExplanation {
     location: u32,
     damage_index: Option<f64>,
     region: Option<u32>,
-    /// What each discriminator alone says, [`tapline_fuse::Fusion::alone`]; absent where it says nothing.
+    /// What each discriminator says by itself, [`tapline_fuse::Fusion::alone`]; absent if it says nothing.
     scores: Vec<(&'static str, Option<f64>)>,
     taps: Vec<TapExplanation>,
 }
@@ -162,7 +162,7 @@ fn name_of(scan: &Scan) -> String {
     format!("{}/{}", scan.tyre, scan.shoulder)
 }
 
-/// Which of the shoulders `known` were meant by `name`: those of a casing that is named alone, or the one most like it.
+/// Which of the shoulders `known` were meant by `name`: those of a casing of that name, or the most similar.
 fn shoulders_meant(name: &str, known: &[String]) -> Option<String> {
     let of_casing = |shoulder: &&String| shoulder.rsplit_once('/').is_some_and(|(casing, _)| casing == name);
     let of_casing: Vec<&str> = known.iter().filter(of_casing).map(String::as_str).collect();
@@ -203,7 +203,7 @@ impl ShoulderExplanation {
     }
 }
 
-/// What each discriminator alone says of a location of the scan with this `number`; nothing where this program cannot read the
+/// What each discriminator by itself says of a location of scan `number`; nothing if this program cannot read the
 /// configuration or the reference.
 fn scores_at(reader: &Reader, number: usize, location: u32) -> Result<Vec<(&'static str, Option<f64>)>> {
     let config = Config::parse(reader.config());
@@ -254,7 +254,7 @@ impl fmt::Display for Explanation {
                 let named = self.options.iter().find(|option| option.key == "fuse.reference");
                 writeln!(
                     f,
-                    "reference  {}, in no file",
+                    "reference  {}, not from a file",
                     named.map_or("none", |option| option.value.trim_matches('"'))
                 )?;
             }
@@ -263,7 +263,7 @@ impl fmt::Display for Explanation {
             true => writeln!(f, "made by    this program's own sources")?,
             false => writeln!(f, "made by    other sources than this program's: {}", self.other_sources.join(", "))?,
         }
-        let how = if self.options.is_empty() { "all as by default" } else { "other than by default:" };
+        let how = if self.options.is_empty() { "all are defaults" } else { "other than the defaults:" };
         writeln!(f, "options    {how}")?;
         let set = |text: &str| if text.is_empty() { "not set".to_owned() } else { text.to_owned() };
         for OtherOption { key, value, default } in &self.options {
@@ -305,7 +305,7 @@ impl fmt::Display for ShoulderExplanation {
     }
 }
 
-/// Taps that stand side by side in a table: as many as fit 80 columns.
+/// Taps side by side in a table: as many as fit 80 columns.
 const TAPS_SIDE_BY_SIDE: usize = 4;
 
 /// The taps as tables, a column each, and the scores behind them.
@@ -333,7 +333,7 @@ fn texts_of(taps: &[TapExplanation], scores: &[(&str, Option<f64>)]) -> Result<S
         writeln!(text, "{table}")?;
     }
     if !scores.is_empty() {
-        writeln!(text, "score: what each alone says of the location and its neighbours; damage raises it")?;
+        writeln!(text, "score: what each says by itself of the location and its neighbours; damage raises it")?;
     }
     Ok(text)
 }

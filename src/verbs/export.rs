@@ -39,7 +39,7 @@ pub(crate) fn export(args: &ExportArgs) -> Result<bool> {
     let archives = Archives::find(&args.archives, args.results.which())?;
     match &args.out {
         None if format == Format::Parquet && io::stdout().is_terminal() => {
-            bail!("Parquet is no text for a terminal; name a file with --out, or redirect the output");
+            bail!("Parquet is not text for a terminal; name a file with --out, or redirect the output");
         }
         None => write(&archives, table, format, BufWriter::new(Stdout)),
         Some(path) => {

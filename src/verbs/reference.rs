@@ -23,7 +23,7 @@ use tapline_host::stdout::Stdout;
 pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     if args.out.extension().is_none_or(|extension| extension != "json") {
         bail!(
-            "--out is {}; the name of a reference ends in .json, by which configurations know it",
+            "--out is {}; the name of a reference must end in .json, so that configurations recognise it",
             args.out.display()
         );
     }
@@ -50,7 +50,7 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
                 first = Some(path);
             }
             Some(built) if built.process != process => bail!(
-                "{}: its taps were recorded or analysed otherwise than those of {}: {}",
+                "{}: its taps were recorded or analysed differently from those of {}: {}",
                 path.display(),
                 first.unwrap_or(path).display(),
                 differences(&built.process, &process)
@@ -65,7 +65,7 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
                 true => {
                     if !has_passed && !args.labelled {
                         say(&format!(
-                            "{}: {name} did not pass and is left out; name it by --shoulder if it is known to be sound",
+                            "{}: {name} did not pass and is left out; name it with --shoulder if known to be sound",
                             path.display()
                         ));
                     }
@@ -98,7 +98,7 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     let is_complete = outcome.end()?;
     if shoulders.is_empty() {
         bail!(
-            "no shoulder passed: name those that are known to be sound by --shoulder; where the rig has changed, first judge them by themselves \
+            "no shoulder passed: name those that are known to be sound with --shoulder; if the rig has changed, first judge them by themselves \
              (`tapline reprocess FOLDER --reference self`, then `tapline reference FOLDER --results`)"
         );
     }
@@ -110,8 +110,8 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
         let is_stated = !names_none || args.labelled;
         for casing in standing_out {
             let what = match is_stated {
-                true => "limits that rest on it may pass cracks",
-                false => "it is left out; name its shoulders by --shoulder if they are known to be sound",
+                true => "limits based on it may let cracks pass",
+                false => "it is left out; name its shoulders with --shoulder if they are known to be sound",
             };
             say(&format!("{casing} stands out from the other casings and may be cracked: {what}"));
         }
@@ -160,14 +160,14 @@ fn take(
             reader.truth().get(&(scan.tyre, scan.shoulder, location)) == Some(&true)
         };
         if !args.labelled && scan.locations.iter().any(is_known_cracked) {
-            bail!("{}: {name} is known to be cracked; --labelled takes what is known of each location", path.display());
+            bail!("{}: {name} is known to be cracked; --labelled uses what is known of each location", path.display());
         }
         if args.labelled && shoulder.is_cracked.is_none() {
-            bail!("{}: it is not known of every location of {name} whether it is cracked", path.display());
+            bail!("{}: it is not known for every location of {name} whether it is cracked", path.display());
         }
         if shoulders.iter().any(|s| s.tyre == shoulder.tyre && s.shoulder == shoulder.shoulder) {
             say(&format!(
-                "{}: {name} is left out, as an earlier file has it too; to take another, name the files in place of the folder",
+                "{}: {name} is left out, as an earlier file has it too; to take another, name the files instead",
                 path.display()
             ));
             continue;
@@ -204,7 +204,7 @@ fn of(path: &Path, set: &ReferenceSet) -> Value {
 
 fn print(path: &Path, set: &ReferenceSet) -> Result<()> {
     let mut out = Stdout;
-    let mut table = table(["discriminator", "moves", "AUC by that", "spread of a tap, %", "between casings, %"]);
+    let mut table = table(["discriminator", "moves", "its AUC", "spread of a tap, %", "between casings, %"]);
     for which in Discriminator::ALL {
         let of_it = || set.summary.scales.iter().filter(move |line| line.discriminator == which);
         let mean = |values: Vec<f64>| {

@@ -66,7 +66,7 @@ pub(crate) fn reprocess(args: &ReprocessArgs) -> Result<bool> {
 struct Asked {
     config: Option<Config>,
     reference: Option<Reference>,
-    /// Of `reference` the text, where it is a file.
+    /// The text of `reference`, if that is a file.
     text: Option<String>,
 }
 
@@ -100,14 +100,14 @@ struct Task {
 impl Task {
     fn new(archive: &Path, asked: &Asked) -> Result<Self> {
         let reader = Reader::open(archive)?;
-        ensure!(!reader.is_results(), "it has results alone: name the archive that they are of");
+        ensure!(!reader.is_results(), "it has only results: name the archive that they are from");
         let old = Config::parse(reader.config()).context("its configuration is not one of this program")?;
         let was = old.fuse.reference.clone();
         let mut config = match &asked.config {
             None => old,
             Some(new) => {
-                // How taps were taken is past; only how they are read and judged can be new. Where nothing else is given they
-                // are compared with what they were compared with.
+                // How taps were taken cannot change, only how they are read and judged. Without another reference they
+                // are compared with the same one as before.
                 let reference = new.fuse.reference.clone().or(old.fuse.reference);
                 Config { process: new.process, fuse: FuseConfig { reference, ..new.fuse.clone() }, ..old }
             }
@@ -117,7 +117,7 @@ impl Task {
         }
         let reference = match (&config.fuse.reference, reader.reference()) {
             (Some(_), _) if asked.reference.is_some() => asked.text.clone(),
-            // Its own reference lies in the archive, wherever the file is today.
+            // Its own reference is in the archive, wherever the file is today.
             (Some(Reference::File(_)), Some(text)) if config.fuse.reference == was => Some(text.to_owned()),
             (Some(Reference::File(path)), _) => Some(ReferenceFile::read(path)?.text),
             (Some(_), _) => None,
@@ -169,7 +169,7 @@ fn again(archive: &Path, asked: &Asked, from_samples: bool, jobs: usize) -> Resu
         return Ok(Results { path: out, lineage_key: key, is_complete: is_complete(&there) });
     }
     let plan = task.reader.plan();
-    // Before the file is made: a plan that cannot be judged leaves none.
+    // Before the file is made, so that a plan that cannot be judged leaves none.
     let mut fusion = task.fusion()?;
     let mut writer = match Writer::results(&out, (task.reader.path(), raw_digest), plan, lineage) {
         // The same results were made before.
@@ -316,10 +316,10 @@ fn work(
     }
 }
 
-/// Puts the discriminators of a tap into the results, where no others may be.
+/// Puts the discriminators of a tap into the results, which must not have others for it.
 fn put(writer: &mut Writer, found: &Discriminators) -> Result<()> {
     let outcome = writer.put_discriminators(found)?;
-    ensure!(outcome != PutOutcome::Conflict, "other values of {} stand under the same lineage", found.id);
+    ensure!(outcome != PutOutcome::Conflict, "the same lineage already has other values of {}", found.id);
     Ok(())
 }
 
@@ -343,7 +343,7 @@ fn judge(reader: &Reader, writer: &mut Writer, fusion: &mut Fusion) -> Result<()
     for &scan in &scans {
         let (judgement, cells) = fusion.judge(scan as usize)?;
         let outcome = writer.put_judgement(scan, &judgement, &cells)?;
-        ensure!(outcome != PutOutcome::Conflict, "scan {scan} was judged otherwise before, under the same lineage");
+        ensure!(outcome != PutOutcome::Conflict, "scan {scan} was judged differently before, with the same lineage");
     }
     Ok(writer.flush()?)
 }

@@ -17,13 +17,13 @@ pub(crate) fn rig(listen: &str, config: Option<&Path>, as_json: bool) -> Result<
     let script: RigScript = match config {
         Some(path) => {
             let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-            toml::from_str(&text).with_context(|| format!("{} is no script of a rig", path.display()))?
+            toml::from_str(&text).with_context(|| format!("{} is not a rig's script", path.display()))?
         }
         None => RigScript::default(),
     };
     script.validate()?;
     let listener = TcpListener::bind(listen).with_context(|| format!("cannot listen at {listen}"))?;
-    let address = listener.local_addr().context("cannot find the address that is listened at")?;
+    let address = listener.local_addr().context("cannot find the address to listen at")?;
     // Before anybody knows of the rig, and may end it.
     let stop = stop_flag().context("cannot listen to signals")?;
     let listening = json!({ "kind": "listening", "address": address.to_string() });

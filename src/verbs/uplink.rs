@@ -38,17 +38,17 @@ pub(crate) fn uplink(args: &UplinkArgs) -> Result<bool> {
     let folder = args.folder.display();
     let of = counted(files, &format!("finished file of {folder} is"), &format!("finished files of {folder} are"));
     say(&format!("{at_centre} of {of} at the centre"));
-    // A service that is ended has done what it could; files that wait are sent at its next start.
+    // A service that is stopped has done what it could; waiting files are sent after its next start.
     Ok(!args.once || at_centre == files)
 }
 
-/// Finished archives of `folder`, as paths below it, in the order of their names; there may be none. `results` are files that have results:
-/// each is opened once to know it.
+/// Finished archives of `folder`, as paths below it, in the order of their names; there may be none. `results` collects
+/// files with results, so that each is opened only once.
 fn finished(folder: &Path, results: &mut BTreeSet<PathBuf>) -> Result<Vec<PathBuf>> {
     let mut finished = Folder::list(folder)?.finished;
     // Names travel as text.
     finished.retain(|path| path.to_str().is_some() && !results.contains(path));
-    // Also where the archive is no more that they are of.
+    // Even if the archive that they belong to is gone.
     let (with_results, casings): (Vec<_>, Vec<_>) =
         finished.into_iter().partition(|path| tapline_store::has_results(path));
     results.extend(with_results);
@@ -84,7 +84,7 @@ fn until(is_once: bool) -> Result<Until> {
     Ok(Until { stop: stop_flag().context("cannot listen to signals")?, is_once })
 }
 
-/// What is amiss with the archive at `path`; an error, if that cannot be told by this program or now.
+/// What is wrong with the archive at `path`; an error if this program cannot tell, or not now.
 fn check(path: &Path) -> Result<Option<String>> {
     let report = match tapline_store::verify(path) {
         Ok(report) => report,

@@ -28,7 +28,7 @@ pub(crate) fn verify(paths: &[PathBuf], as_json: bool) -> Result<bool> {
     if archives.is_many {
         sum_up(&archives, hurt, as_json)?;
     }
-    // An archive that cannot be read is incomplete, also if none can be read.
+    // An archive that cannot be read is incomplete, even if none can be read.
     Ok(outcome.end().unwrap_or(false))
 }
 
@@ -52,7 +52,7 @@ fn sum_up(archives: &Archives, hurt: usize, as_json: bool) -> Result<()> {
     let archives = counted(count, "archive", "archives");
     let besides = match unfinished.len() {
         0 => String::new(),
-        some => format!("; besides {} not finished", counted(some, "file is", "files are")),
+        some => format!("; in addition, {} not finished", counted(some, "file is", "files are")),
     };
     writeln!(out, "{archives}: {} complete, {hurt} not{besides}", count - hurt)?;
     Ok(())
@@ -121,7 +121,7 @@ fn print(archive: &Path, checked: tapline_store::Result<tapline_store::Report>, 
         let is_named = problem.contains(&file);
         writeln!(out, "{}{problem}", if is_named { String::new() } else { format!("{file}: ") })?;
     }
-    let judged = if report.is_judged() { "all scans judged" } else { "scans without verdict" };
+    let judged = if report.is_judged() { "all scans judged" } else { "scans without a verdict" };
     let state = match (is_complete, report.problems.is_empty()) {
         (true, _) => Colour::Good.on_stdout("complete"),
         (false, true) if !report.is_finished => Colour::Bad.on_stdout("NOT FINISHED"),

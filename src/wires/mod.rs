@@ -1,12 +1,12 @@
-//! Verdicts on their way out: to the command of the plant, and over its wires.
+//! Verdicts on their way out: to the plant's command, and over its wires.
 //!
-//! Each wire carries two things. *Verdicts*: every one, until it is acknowledged, also after the line was killed. *What stands* at a
-//! station now: a casing's verdict until the next one comes, and "no verdict" whenever that is in doubt. Each wire has a thread
-//! of its own; whatever hangs at its other end, the line does not wait.
+//! Each wire carries two things: each *verdict*, until it is acknowledged, even after the line was killed; and the
+//! *current verdict* of a station, until the next casing comes. While it is in doubt there is none. Each wire has a
+//! thread of its own: the line never waits for its other end.
 //!
-//! - here: all of them are started, shown what the line does, and ended
-//! - `outbox`: who has still to be reported which verdict
-//! - `now`: what stands at each station
+//! - here: starts all of them, passes them the line's state, and ends them
+//! - `outbox`: which verdicts are still to be reported to whom
+//! - `now`: the current state of each station
 //! - `on_verdict`: the command
 //! - `mqtt`, `opcua`, `modbus`: the wires
 //! - `wire`: a wire's thread
@@ -37,7 +37,7 @@ use crate::wires::now::Now;
 use crate::wires::on_verdict::VerdictCommand;
 use crate::wires::outbox::{Outbox, Receiver};
 
-/// Whoever receives verdicts. When it is dropped, what waits is reported first, for a while; the rest is after the next start.
+/// All receivers of verdicts. When dropped, first reports waiting verdicts, for a while; the rest after the next start.
 pub(crate) struct Wires {
     outbox: Arc<Outbox>,
     now: Arc<Now>,
@@ -48,7 +48,7 @@ pub(crate) struct Wires {
 }
 
 impl Wires {
-    /// Starts what `config` names, for a line with these stations and files; and says where what is served is found.
+    /// Starts what `config` names, for a line with these stations and files; also returns the addresses, for people.
     pub(crate) fn start(config: &LineConfig, stations: &[u16], places: &Places) -> Result<(Self, Vec<String>)> {
         let is_there = [
             (Receiver::Print, true),
@@ -99,19 +99,19 @@ impl Wires {
         self.outbox.take_alarms()
     }
 
-    /// Ends all of them, whose last verdicts are reported first, for a while; how it stands with each then.
+    /// Ends all of them, after reporting the last verdicts, for a while; returns the state of each.
     pub(crate) fn close(self) -> Vec<ReceiverStatus> {
         let outbox = Arc::clone(&self.outbox);
         drop(self);
         outbox.statuses()
     }
 
-    /// How it stands with each of them.
+    /// The state of each receiver.
     pub(crate) fn statuses(&self) -> Vec<ReceiverStatus> {
         self.outbox.statuses()
     }
 
-    /// What cannot be reported to anyone.
+    /// What cannot be reported to any receiver.
     pub(crate) fn trouble(&self) -> Option<String> {
         self.outbox.trouble()
     }
@@ -126,7 +126,7 @@ impl Wires {
         self.now.judged(&Arc::new(verdict.clone()), is_busy);
     }
 
-    /// The line shows itself.
+    /// The line sends its status.
     pub(crate) fn show(&self, stations: &[StationStatus]) {
         self.now.show(stations);
     }
@@ -137,7 +137,7 @@ impl Wires {
     }
 }
 
-/// Starts the wires that `config` names, and says where what is served is found.
+/// Starts the wires that `config` names; also returns their addresses, for people.
 #[cfg(feature = "plant")]
 fn start_plant(config: &LineConfig, plant: &wire::Plant) -> Result<(Vec<wire::Wire>, Vec<String>)> {
     let (mut wires, mut said) = (Vec::new(), Vec::new());
@@ -157,7 +157,7 @@ fn start_plant(config: &LineConfig, plant: &wire::Plant) -> Result<(Vec<wire::Wi
     Ok((wires, said))
 }
 
-/// Refuses wires that this build does not have, and files of theirs that cannot be read.
+/// Refuses wires that this build does not have, and unreadable files for them.
 pub(crate) fn check(config: &LineConfig) -> Result<()> {
     let named =
         [("mqtt", config.mqtt.is_some()), ("opcua", config.opcua.is_some()), ("modbus", config.modbus.is_some())];

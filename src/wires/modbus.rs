@@ -1,7 +1,7 @@
 //! Verdicts to controllers, over Modbus TCP.
 //!
-//! Each station has a block of registers, the same for both reading functions: first what stands there now, which is all zero where
-//! there is no verdict; then the oldest verdict that was not acknowledged, until the controller writes its number into one
+//! Each station has a block of registers, the same for both reading functions. It begins with the current verdict, all
+//! zero if there is none. Then comes the oldest unacknowledged verdict, until the controller writes its number into one
 //! register. One request reads a block as it was at one moment.
 
 use std::collections::BTreeMap;
@@ -33,7 +33,7 @@ const ACCEPT_AGAIN_AFTER: Duration = Duration::from_millis(200);
 /// Registers of a station's block.
 const BLOCK: usize = 64;
 
-/// The register that is written, within its block.
+/// The register within a block that controllers write.
 const ACKNOWLEDGE: usize = 17;
 
 /// Bytes of a casing's name, which fill half as many registers.
@@ -42,7 +42,7 @@ const NAME_BYTES: usize = 32;
 /// The oldest verdict of a station that was not acknowledged.
 #[derive(Debug)]
 struct Waiting {
-    /// By which the controller acknowledges it; never 0.
+    /// The controller acknowledges it with this; never 0.
     number: u16,
     casing: u64,
     verdict: Arc<CasingVerdict>,
@@ -63,7 +63,7 @@ struct Registers {
     mailboxes: Mutex<BTreeMap<u16, Mailbox>>,
 }
 
-/// Starts to serve the verdicts of `plant`; and where.
+/// Starts to serve the verdicts of `plant`; also returns where.
 pub(super) fn start(config: &ModbusConfig, plant: &Plant) -> Result<(Wire, SocketAddr)> {
     let context = || format!("line.modbus.listen = \"{}\": cannot listen there", config.listen);
     let listener = listen(config.listen).with_context(context)?;
@@ -194,7 +194,7 @@ impl Registers {
         block
     }
 
-    /// Counts while the line goes on, from 1 to 65535 and again from 1.
+    /// Counts while the line works, from 1 to 65535 and then from 1 again.
     fn heartbeat(&self) -> u16 {
         u16::try_from(self.plant.now.beats() % 0xffff).unwrap_or(0) + 1
     }
@@ -214,7 +214,7 @@ impl Registers {
                 self.fill();
                 Ok(())
             }
-            // It may have been lost that the first time was answered.
+            // The answer to the first time may have been lost.
             None if value == mailbox.acknowledged && value != 0 => Ok(()),
             None => Err(ExceptionCode::IllegalDataValue),
         }

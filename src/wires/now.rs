@@ -1,4 +1,4 @@
-//! What stands at each station at this moment, for those who only look: no verdict in place of one that is in doubt.
+//! The current state of each station, for displays: no verdict if there is any doubt about it.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -7,18 +7,18 @@ use std::time::{Duration, Instant};
 use crate::shown::status::StationStatus;
 use crate::shown::verdict::CasingVerdict;
 
-/// A line that has shown nothing for so long hangs: it shows itself every second.
+/// A line that has sent no status for so long hangs: it sends one every second.
 const SILENT_AFTER: Duration = Duration::from_secs(5);
 
-/// How long a verdict stands where no other casing comes.
+/// How long a verdict stays current if no other casing comes.
 const STANDS_FOR: Duration = Duration::from_secs(600);
 
-/// What stands at a station.
+/// The current state of a station.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum StationState {
     /// The line starts, ends or hangs.
     NoSignal,
-    /// No casing, or none that was judged of late.
+    /// No casing, and no current verdict.
     Ready,
     /// A casing is tapped or judged.
     Busy,
@@ -47,16 +47,16 @@ struct Station {
 
 #[derive(Debug, Default)]
 struct State {
-    /// When the line last showed itself; `None` before that.
+    /// When the line last sent its status; `None` before the first.
     at: Option<Instant>,
     is_ended: bool,
-    /// How often it has shown itself.
+    /// How often it has sent its status.
     beats: u64,
     stations: BTreeMap<u16, Station>,
     latest: Option<Arc<CasingVerdict>>,
 }
 
-/// What stands at each station.
+/// The current state of each station.
 #[derive(Debug)]
 pub(crate) struct Now {
     state: Mutex<State>,
@@ -72,7 +72,7 @@ impl Now {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A casing has come to `station`: the last verdict stands no longer.
+    /// A casing has come to `station`: the last verdict is no longer current.
     pub(crate) fn opened(&self, station: u16) {
         if let Some(station) = self.state().stations.get_mut(&station) {
             (station.is_busy, station.verdict) = (true, None);
@@ -90,7 +90,7 @@ impl Now {
         }
     }
 
-    /// The line shows itself, with its stations.
+    /// The line sends its status, with its stations.
     pub(crate) fn show(&self, shown: &[StationStatus]) {
         let mut state = self.state();
         state.at = Some(Instant::now());
@@ -103,23 +103,23 @@ impl Now {
         }
     }
 
-    /// The line ends: it shows nothing more.
+    /// The line ends: it sends no more statuses.
     pub(crate) fn end(&self) {
         self.state().is_ended = true;
     }
 
-    /// Whether the line goes on.
+    /// Whether the line works.
     pub(crate) fn is_alive(&self) -> bool {
         let state = self.state();
         !state.is_ended && state.at.is_some_and(|at| at.elapsed() < SILENT_AFTER)
     }
 
-    /// How often the line has shown itself: at least once a second while it goes on.
+    /// How often the line has sent its status: at least once a second while it works.
     pub(crate) fn beats(&self) -> u64 {
         self.state().beats
     }
 
-    /// What stands at `station`, and how many casings it has judged since the line was started.
+    /// The state of `station`, and how many of its casings were judged since the line was started.
     pub(crate) fn at(&self, station: u16) -> (StationState, u64) {
         let is_alive = self.is_alive();
         let state = self.state();
@@ -134,7 +134,7 @@ impl Now {
         (station_state, station.judged_count)
     }
 
-    /// The last verdict of any station, while the line goes on.
+    /// The last verdict of any station, while the line works.
     pub(crate) fn latest(&self) -> Option<Arc<CasingVerdict>> {
         let is_alive = self.is_alive();
         self.state().latest.clone().filter(|_| is_alive)

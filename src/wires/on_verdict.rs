@@ -1,4 +1,4 @@
-//! The command `on_verdict` of a plant: a thread of its own runs it at each verdict, one at a time, so that it delays nothing.
+//! The plant's command `on_verdict`. Its own thread runs it for each verdict, one at a time, so that nothing waits.
 
 use std::io::Write as _;
 use std::os::unix::process::CommandExt as _;
@@ -24,7 +24,7 @@ const LATER: i32 = 75;
 /// When it is run again then.
 const AGAIN_AFTER: Duration = Duration::from_secs(5);
 
-/// Runs the command. When it is dropped, the verdicts that wait are reported first, for no longer than one may take; the others stay
+/// Runs the command. When dropped, it first reports waiting verdicts, for no longer than one may take; the others stay
 /// in the outbox.
 #[derive(Debug)]
 pub(crate) struct VerdictCommand {
@@ -39,7 +39,7 @@ pub(crate) struct VerdictCommand {
 enum Ended {
     /// It is not to be run again for this verdict.
     Told,
-    /// It is, and why.
+    /// Run it again; why.
     Later(String),
 }
 
@@ -57,7 +57,7 @@ impl VerdictCommand {
         let until = Arc::<OnceLock<Instant>>::default();
         let (wake, news) = bounded(1);
         let end = wake.clone();
-        // One that is there already wakes it for all.
+        // A wake-up that is pending already is enough.
         outbox.wake_by(Box::new(move || wake_up(&wake)));
         let runner =
             Runner { command: command.to_owned(), outbox: Arc::clone(outbox), news, until: Arc::clone(&until) };
@@ -76,7 +76,7 @@ impl Drop for VerdictCommand {
     }
 }
 
-/// Wakes the thread; where it is woken already, it looks for all there is.
+/// Wakes the thread; if it is woken already, it finds all new verdicts anyway.
 fn wake_up(wake: &Sender<()>) {
     if wake.try_send(()).is_err() {
         tracing::trace!("on_verdict is woken already");
@@ -88,7 +88,7 @@ impl Runner {
         let mut again_at: Option<Instant> = None;
         loop {
             let is_ending = self.until.get().is_some();
-            // One that has asked for time gets it, whatever comes meanwhile.
+            // A command that has asked for time gets it, whatever comes meanwhile.
             if is_ending || again_at.is_none_or(|at| at <= Instant::now()) {
                 again_at = self.tell_all();
             }
@@ -102,7 +102,7 @@ impl Runner {
         }
     }
 
-    /// Runs the command for every verdict that waits; when it is to be run again for one, if it has asked for that.
+    /// Runs the command for every waiting verdict; returns when to run it again, if it has asked for that.
     fn tell_all(&self) -> Option<Instant> {
         while let Some(note) = self.outbox.next(Receiver::Command, None) {
             if self.is_over() {
@@ -122,7 +122,7 @@ impl Runner {
                     );
                     return Some(Instant::now() + AGAIN_AFTER);
                 }
-                // It was run: run again, it might do twice what it has done.
+                // It has run: if run again, it might repeat what it has done.
                 Err(error) => {
                     let file = verdict.file.display();
                     tracing::error!(casing = verdict.casing, "on_verdict failed, the verdict is in {file}: {error:#}");
@@ -153,7 +153,7 @@ impl Runner {
             .spawn();
         let mut child = match child {
             Ok(child) => child,
-            // There is no memory, for example.
+            // Out of memory, for example.
             Err(error) => return Ok(Ended::Later(format!("on_verdict cannot be run now: {error}"))),
         };
         if let Some(mut input) = child.stdin.take() {
@@ -178,7 +178,7 @@ impl Runner {
                 None => {}
             }
             if since.elapsed() > TIMEOUT || self.is_over() {
-                // With all processes that it has started.
+                // Including all processes that it has started.
                 if let Some(group) = Pid::from_raw(i32::try_from(child.id()).unwrap_or(0)) {
                     kill_process_group(group, Signal::KILL).context("cannot end it")?;
                 }

@@ -1,9 +1,9 @@
-//! Who has still to be reported which verdict.
+//! Which verdicts are still to be reported to whom.
 //!
 //! `store` leaves a note of each casing before it gives the finished file its name; the note stays until every receiver has
-//! acknowledged the verdict. Work to do = notes - acknowledgements, after a `kill -9` as ever. An acknowledgement is a word at the end
-//! of the note's name (`5c0f….print.mqtt`), so that it needs no room on the disk and is there or not; the last one removes the
-//! note. What the note is about, the casing's file says.
+//! acknowledged the verdict. Work to do = notes - acknowledgements, even after `kill -9`. An acknowledgement is a word
+//! at the end of the note's name (`5c0f….print.mqtt`): it takes no space, and is never half there. The last removes
+//! the note. The verdict itself is in the casing's file.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -27,10 +27,10 @@ const WAITING_MAX: usize = 100_000;
 /// Most alarms that wait to be taken.
 const ALARMS_MAX: usize = 64;
 
-/// A verdict that waits for so long is reported.
+/// A verdict that waits for this long is a trouble.
 const LATE_AFTER_NS: i64 = 60_000_000_000;
 
-/// How long files of an earlier line that have no name yet may take to get it.
+/// How long unnamed files of an earlier line may take to get their names.
 const NAMED_WITHIN: Duration = Duration::from_secs(10);
 
 /// Where verdicts go.
@@ -71,7 +71,7 @@ struct Waiting {
     file_name: String,
     /// Who is still to acknowledge it.
     owed: Vec<Receiver>,
-    /// Whether its file could not be read: it is not reported before the next start of the line.
+    /// Whether its file could not be read: it waits for the next start of the line.
     is_unreadable: bool,
 }
 
@@ -93,12 +93,12 @@ pub(crate) struct Outbox {
     opened_at: Instant,
     /// Held for moments: the line itself waits for it.
     state: Mutex<State>,
-    /// Held while notes are renamed and removed; a disk that hangs keeps only receivers waiting.
+    /// Held while notes are renamed and removed: if the disk hangs, only receivers wait.
     disk: Mutex<()>,
 }
 
 impl Outbox {
-    /// What an earlier line has left to tell, and what will be, to each of `receivers`.
+    /// The verdicts for each of `receivers`: those that an earlier line left, and new ones.
     pub(crate) fn open(places: &Places, receivers: Vec<Receiver>) -> Result<Arc<Self>> {
         let (state, disk) = (Mutex::default(), Mutex::default());
         let outbox = Self { places: places.clone(), receivers, opened_at: Instant::now(), state, disk };
@@ -106,8 +106,8 @@ impl Outbox {
             let note = match Unreported::read(&path) {
                 Ok(note) if note.id() == id => note,
                 Ok(_) | Err(_) => {
-                    // `store` writes them whole: something else has put it there.
-                    tracing::error!("{} is no note of a verdict; it stays where it is", path.display());
+                    // `store` writes notes completely: something else has put this file there.
+                    tracing::error!("{} is not a note of a verdict; it stays where it is", path.display());
                     continue;
                 }
             };
@@ -149,7 +149,7 @@ impl Outbox {
         let is_owed = |receiver: &&Receiver| acknowledged.iter().all(|name| name != receiver.name());
         let owed: Vec<Receiver> = self.receivers.iter().filter(is_owed).copied().collect();
         if owed.is_empty() {
-            // Only those who are not configured any more have not acknowledged it.
+            // Only receivers that are no longer configured have not acknowledged it.
             return self.remove(&file_name);
         }
         let mut state = self.state();
@@ -271,8 +271,8 @@ impl Outbox {
         self.state().wakes.push(wake);
     }
 
-    /// Says that something is wrong with `receiver`, or nothing any more; what is new is an alarm too. `kind` tells one trouble of a receiver
-    /// from another.
+    /// Sets or clears a trouble of `receiver`; a new one is also an alarm. `kind` distinguishes its troubles from each
+    /// other.
     pub(crate) fn set_trouble(&self, receiver: Receiver, kind: &'static str, trouble: Option<String>) {
         let mut state = self.state();
         match trouble {
@@ -284,7 +284,7 @@ impl Outbox {
             }
             None => {
                 if let Some(text) = state.troubles.remove(&(receiver, kind)) {
-                    tracing::warn!("this is over: {text}");
+                    tracing::warn!("no longer true: {text}");
                 }
             }
         }
@@ -299,7 +299,7 @@ impl Outbox {
         std::mem::take(&mut self.state().alarms)
     }
 
-    /// How it stands with each receiver but standard output.
+    /// The state of each receiver except standard output.
     pub(crate) fn statuses(&self) -> Vec<ReceiverStatus> {
         let state = self.state();
         let now_ns = now_ns();
@@ -329,7 +329,7 @@ impl Outbox {
         let first = notes.first()?;
         let file = self.file_of(first);
         Some(format!(
-            "{} verdicts cannot be reported: the first one's file, {}, is not there or damaged",
+            "{} verdicts cannot be reported: the first one's file, {}, is missing or damaged",
             notes.len(),
             file.display()
         ))

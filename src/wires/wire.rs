@@ -13,7 +13,7 @@ use tokio::sync::watch;
 use crate::wires::now::Now;
 use crate::wires::outbox::{Outbox, Receiver};
 
-/// How often a wire looks for something new, if it is not woken before.
+/// How often a wire checks for something new, if it is not woken earlier.
 pub(super) const LOOK_EVERY: Duration = Duration::from_millis(200);
 
 /// How long what a wire has begun may take when it ends.
@@ -22,7 +22,7 @@ pub(super) const END_WITHIN: Duration = Duration::from_millis(300);
 /// A connection whose other end has not answered for so long is ended.
 const GONE_AFTER: Duration = Duration::from_secs(20);
 
-/// What a wire tells of.
+/// What a wire reports on.
 #[derive(Clone)]
 pub(super) struct Plant {
     pub outbox: Arc<Outbox>,
@@ -66,7 +66,7 @@ pub(super) struct Wire {
 }
 
 impl Wire {
-    /// Has a thread of its own do the work for `receiver` that `prepare` returns.
+    /// Starts a thread that does the work for `receiver` that `prepare` returns.
     pub(super) fn start<W, F>(receiver: Receiver, plant: &Plant, prepare: impl FnOnce() -> Result<W>) -> Result<Self>
     where
         W: FnOnce(News) -> F + Send + 'static,
@@ -86,7 +86,7 @@ impl Wire {
         let work = move || {
             // A wire ends by itself only where it cannot go on.
             if let Err(error) = runtime.block_on(work(news)) {
-                let text = format!("{name}: verdicts are not reported any more: {error:#}");
+                let text = format!("{name}: verdicts are no longer reported: {error:#}");
                 tracing::error!("{text}");
                 outbox.set_trouble(receiver, "ended", Some(text));
             }
@@ -107,7 +107,7 @@ impl Drop for Wire {
     }
 }
 
-/// Has the system end a connection whose other end is gone: it was switched off, or its network is away.
+/// Has the system end a connection whose other end is gone: it was switched off, or its network is down.
 pub(super) fn end_if_gone(stream: &TcpStream) {
     let set = || -> std::io::Result<()> {
         stream.set_nodelay(true)?;

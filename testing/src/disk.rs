@@ -49,7 +49,7 @@ impl Disk {
         let disk = rustix::fs::statvfs(&self.0).unwrap_or_else(|error| panic!("{}: {error}", self.0.display()));
         let bytes = (disk.f_bavail * disk.f_frsize).saturating_sub(free_bytes);
         match fs::write(&path, vec![1; bytes as usize]) {
-            // Who else writes there has filled it first.
+            // Another writer has filled it first.
             Err(error) if error.kind() == ErrorKind::StorageFull => {}
             written => written.unwrap_or_else(|error| panic!("{}: {error}", path.display())),
         }

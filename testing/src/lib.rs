@@ -26,8 +26,8 @@ pub fn skip(why: &str) {
 
 /// The file or folder `name` of the shared test data; `None`, and a skip, where it is not there.
 ///
-/// The data lie in the folder `data` of `../shared`, or of the folder that `TAPLINE_SHARED` names. With `TAPLINE_SHARED=none` this machine is known to have
-/// none: that is no failure.
+/// The data are in the folder `data` of `../shared`, or of the folder that `TAPLINE_SHARED` names; with the
+/// value `none` this machine has none, which is no failure.
 pub fn shared(name: &str) -> Option<PathBuf> {
     let folder = env::var_os("TAPLINE_SHARED")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared"), PathBuf::from);

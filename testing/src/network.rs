@@ -4,7 +4,7 @@ use std::process::{Command, Stdio};
 
 use crate::skip;
 
-/// Has `ip` do what `arguments` say, which are split at spaces; whether it did.
+/// Runs `ip` with `arguments`, which are split at spaces; returns whether it succeeded.
 pub fn ip(arguments: &str) -> bool {
     let mut command = Command::new("ip");
     command.args(arguments.split_whitespace()).stdout(Stdio::null()).stderr(Stdio::null());

@@ -8,7 +8,7 @@ pub const PATIENCE: Duration = Duration::from_secs(60);
 /// Waits until `is_so`.
 ///
 /// # Panics
-/// If that takes longer than [`PATIENCE`]; `what` says what never came about.
+/// If that takes longer than [`PATIENCE`]; `what` says what never happened.
 pub fn until(what: &str, mut is_so: impl FnMut() -> bool) {
     let since = Instant::now();
     while !is_so() {

@@ -79,7 +79,7 @@ fn comes_back(sandbox: &Sandbox, archive: &str, again: &str) {
     let [before, after] = [archive, again].map(|name| Reader::open(sandbox.path(name)).unwrap());
     assert_eq!(before.plan().taps(), after.plan().taps());
     assert_eq!(before.plan().scans(), after.plan().scans());
-    // Only the list of taps tells the day of simulated ones.
+    // Only the list of taps has the day of simulated taps.
     let mut recording = after.plan().recording.clone();
     assert_eq!(recording.calibration.tapped_on.take().as_deref(), Some("2026-01-01"));
     assert_eq!(before.plan().recording, recording);
@@ -105,7 +105,7 @@ fn comes_back(sandbox: &Sandbox, archive: &str, again: &str) {
     assert!(files("set") == files("set-again"));
 }
 
-/// Catches a refused tap that an export leaves out without a word, or that comes back with another reason; and 32-bit
+/// Catches a refused tap that an export leaves out silently, or that comes back with another reason; and 32-bit
 /// floats that change.
 #[test]
 fn refused_taps_and_floats_are_exported() {

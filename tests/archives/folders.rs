@@ -135,7 +135,7 @@ fn a_damaged_file_among_many_is_named_and_the_others_are_done() {
     let results = with_one_damaged("reprocess out --from-samples").out;
     assert_eq!(results.lines().count(), 2, "{results}");
     with_one_damaged("diff out packed");
-    // What is wrong with an option is said once, not of each file.
+    // An error in an option is reported once, not for each file.
     for (reference, wrong) in [("none.json", "cannot read the reference none.json"), ("a/b", "--reference")] {
         let done = sandbox.run(&format!("reprocess out --reference {reference}")).expect(1);
         assert!(done.err.contains(wrong) && done.err.lines().count() == 1, "{}", done.err);
@@ -151,8 +151,8 @@ fn a_damaged_file_among_many_is_named_and_the_others_are_done() {
     sandbox.run("export out/SIM-0002.h5 verdicts").expect(1);
 }
 
-/// Catches results that count beside their archives, newest results that are not found, a casing that is named without its shoulder
-/// and gets no help, and a file that is taken for the folder of pages.
+/// Catches results that count as well as their archives, newest results that are not found, a casing that is named
+/// without its shoulder and gets no help, and a file that is taken for the folder of pages.
 #[test]
 fn results_are_taken_when_they_are_asked_for() {
     let sandbox = scanned();

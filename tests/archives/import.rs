@@ -10,7 +10,7 @@ use tapline_testing::program::Done;
 use crate::archives::export_taps::run;
 use crate::sandbox::Sandbox;
 
-/// What the recordings of the simulated rig do not say of themselves.
+/// What the recordings of the simulated rig do not contain.
 const CONFIG: &str = "table = \"taps.csv\"\npre_trigger_samples = 512\nmicrophone_distance_m = DISTANCE\n";
 
 /// Discriminators in the export of a table.
@@ -132,7 +132,7 @@ fn the_example_works_as_printed() {
     assert_eq!(commands.len(), 2, "{printed}");
     let mut last = String::new();
     for command in commands {
-        // As a shell does it, which finds the files.
+        // As a shell would, which expands the pattern.
         let program = env!("CARGO_BIN_EXE_tapline");
         let line = command.replacen("tapline", &format!("'{program}'"), 1);
         let mut shell = Command::new("sh");

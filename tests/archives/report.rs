@@ -186,7 +186,7 @@ fn a_page_can_be_signed() {
             "A. Smith",
             "QP-17",
             "signature</th>",
-            "12.5 mm and more, 90 % are found",
+            "12.5 mm or longer, 90 % are found",
             "study 3",
         ] {
             assert!(text.contains(part), "{part}");
@@ -261,7 +261,7 @@ fn a_line_is_a_strip() {
     // The curve of a discriminator is interrupted there: two pieces, and its sample in the key.
     let f_max = text.split("aria-label=\"F_max, line 7\"").nth(1).unwrap().split("</svg>").next().unwrap();
     assert_eq!(f_max.matches("stroke=\"#0072B2\" stroke-width=\"6\"").count(), 3);
-    // A tyre whose angles nobody noted: it is not drawn as if they were known.
+    // A tyre with unrecorded angles is not drawn as if they were known.
     sandbox.write("taps/scan.toml", &scan.replace("line", "ring"));
     sandbox.write("taps/taps.csv", &table.replace("slab,7", "slab,1"));
     sandbox.run("run --taps taps --reference self --out tyre").expect(3);

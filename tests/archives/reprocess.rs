@@ -75,7 +75,7 @@ fn the_same_lineage_gives_the_same_bits() {
     }
     sandbox.run(&format!("report {} --out pages", one.display())).expect(0);
     let refused = sandbox.run(&format!("reprocess {}", one.display()));
-    assert!(refused.code == Some(1) && refused.err.contains("results alone"), "{}", refused.err);
+    assert!(refused.code == Some(1) && refused.err.contains("only results"), "{}", refused.err);
 }
 
 /// Catches a difference between the beginning of a record that is unpacked alone, and the same beginning on the line,
@@ -125,7 +125,7 @@ fn other_options_stand_beside() {
     {
         assert!(said.contains(words), "{words} is not in {said}");
     }
-    // Each discriminator over a crack, in its score alone.
+    // Each discriminator over a crack, by its own score.
     let score = said.lines().find(|line| line.starts_with(" f_max ")).and_then(|line| line.split_whitespace().last());
     assert!(score.unwrap().parse::<f64>().unwrap() > 3.0, "{said}");
     let velocities = said.lines().find(|line| line.contains("velocity_m_per_s   ")).unwrap();
@@ -150,7 +150,7 @@ fn the_same_taps_are_compared_wherever_they_come_from() {
     assert!(printed.contains("units or angles differ"), "{printed}");
     scan(&sandbox, &CONFIG.replace("repetitions = 2", "repetitions = 1"));
     let refused = sandbox.run("diff run.h5 twin/CRACKED.h5").expect(1).err;
-    assert!(refused.contains("0 taps are planned in the first alone, 164 in the second alone"), "{refused}");
+    assert!(refused.contains("0 taps are planned only in the first, 164 only in the second"), "{refused}");
 }
 
 /// Catches samples that are read for new weights or limits: the archive has no valid ones left.

@@ -1,4 +1,4 @@
-//! What is made of the description of the command line: completions, manual pages, the example of a configuration.
+//! What the program generates: completions, manual pages, the example of a configuration.
 
 use std::fs;
 
@@ -24,7 +24,7 @@ fn every_verb_has_a_manual_page() {
     let page = |name: &str| fs::read_to_string(sandbox.path(&format!("pages/{name}.1"))).unwrap();
     let help = sandbox.run("--help").expect(0).out;
     let verbs = help.split("Commands:\n").nth(1).unwrap().split("\n\n").next().unwrap();
-    // What a verb does may go on in a line that is indented farther.
+    // The description of a verb may continue on a line that is indented more.
     let begins = |line: &&str| line.starts_with("  ") && !line.starts_with("   ");
     let verbs: Vec<&str> = verbs.lines().filter(begins).filter_map(|line| line.split_whitespace().next()).collect();
     assert!(verbs.contains(&"line") && verbs.len() > 15, "{verbs:?}");
@@ -37,7 +37,7 @@ fn every_verb_has_a_manual_page() {
     assert!(!sandbox.path("pages/tapline-stage.1").exists(), "nobody starts a stage");
 }
 
-/// Catches an example that no run takes, and a configuration that is wrong and is taken, or is refused without the name of what is
+/// Catches an example that no run accepts, and a wrong one that is accepted, or refused without naming what is
 /// wrong.
 #[test]
 fn the_example_of_a_configuration_is_one() {
@@ -70,7 +70,7 @@ fn the_example_of_a_configuration_is_one() {
         ("[line]\non_verdict = \"\"\n", &["line.on_verdict = \"\""]),
         ("[[station]]\nnumber = 1\nsource = \"simulated\"\ncasings = 0\n", &["station[0].casings is 0"]),
         ("[[scan.tyre]]\nserial = \"S\"\nstation = 1\ncrack = [{ depth_mm = 900.0 }]\n", &["crack 1: depth_mm is 900"]),
-        // Of these the place in the file is shown, which takes lines.
+        // For these the place in the file is shown, in several lines.
         ("[fuse]\nindex = \"fusde\"\n", &[PLACE, "unknown variant `fusde`", "`fused`"]),
         ("[process.quality]\nsnr_least = 1.0\n", &[PLACE, "unknown field `snr_least`", "snr_min"]),
         ("[scam]\n", &[PLACE, "scam"]),
@@ -86,14 +86,14 @@ fn the_example_of_a_configuration_is_one() {
     }
     let done = sandbox.run("run --config gone.toml --out none").expect(1);
     assert!(done.err.contains("gone.toml") && !sandbox.path("none").exists(), "{done:?}");
-    // A tyre of another station than there are as yet: `--stations` may tell.
+    // A tyre at a station that does not exist yet: `--stations` may add it.
     sandbox.write("two.toml", "[[scan.tyre]]\nserial = \"S\"\nstation = 2\n");
     let said = sandbox.run("config --check two.toml").expect(0).out;
     assert!(said.contains("`tapline run` needs --stations 2\n"), "{said}");
-    // What simulated tyres do not have, recorded ones may.
+    // Recorded tyres may have what simulated ones do not.
     sandbox.write("other.toml", "[fuse]\nreference = \"A-17/1\"\n");
     let said = sandbox.run("config --check other.toml").expect(0).out;
-    assert!(said.contains("`tapline run` takes it for recorded taps alone: the reference is A-17/1"), "{said}");
+    assert!(said.contains("`tapline run` takes it only for recorded taps: the reference is A-17/1"), "{said}");
     let done = sandbox.run("run --config other.toml --out none").expect(1);
     assert!(done.err.contains("the reference is A-17/1") && !sandbox.path("none").exists(), "{done:?}");
     // A line may be given its reference later; the rest is checked all the same.
@@ -111,7 +111,7 @@ fn the_example_of_a_configuration_is_one() {
     let done = sandbox.run("line --config other.toml --out in/results").expect(1);
     assert!(done.err.contains("--out in/results is within the folder that station 3 watches"), "{done:?}");
     assert!(!sandbox.path("in").exists(), "nothing was made");
-    // A line finds out before it begins what the check says.
+    // A line finds the same problems before it begins.
     sandbox.write("other.toml", &format!("{station}[fuse]\nreference = \"A-17/1\"\n"));
     for verb in ["config --check other.toml", "line --config other.toml --out none"] {
         let done = sandbox.run(verb).expect(1);

@@ -80,7 +80,7 @@ fn the_page_has_the_shapes_of_every_verb() {
         }
         None => shapes.retain(|of, _| !["uplink: a file", "collect: a file"].contains(&of.as_str())),
     }
-    // Whether there is a sound card is the machine's affair.
+    // Whether there is a sound card depends on the machine.
     shapes.remove("devices: a device");
     assert!(shapes.is_empty(), "the page has {shapes:?}, which no verb printed");
 }

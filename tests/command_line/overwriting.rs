@@ -1,4 +1,4 @@
-//! What is there already stays, unless `--force` says otherwise; and what is ended in the middle leaves nothing half-written.
+//! Existing files stay, unless `--force` is given; and an interrupted verb leaves nothing half-written.
 
 use std::fs;
 use std::os::unix::process::ExitStatusExt as _;
@@ -58,8 +58,8 @@ fn content(path: &Path) -> Vec<(String, Vec<u8>)> {
     files
 }
 
-/// Catches a draft that stays when a verb is asked to end, at whatever moment: each verb that writes is ended later and later (each time twice as late),
-/// until it ends by itself before the signal comes.
+/// Catches a draft that stays when a verb is asked to end. Each verb that writes is ended later and later, twice
+/// as late each time, until it ends by itself before the signal comes.
 #[test]
 fn nothing_half_written_stays_after_a_signal() {
     let sandbox = scanned(&SMALL.replace("repetitions = 1", "repetitions = 8"));

@@ -47,7 +47,7 @@ fn colour_is_for_terminals() {
     assert!(plain.contains("complete") && !plain.contains("\x1b[32m"), "{plain:?}");
 }
 
-/// Catches a program that says more than errors with -q, and no more with -v.
+/// Catches a program that prints more than errors with -q, or nothing more with -v.
 #[test]
 fn people_choose_how_much_is_said() {
     let sandbox = Sandbox::new();
@@ -110,7 +110,7 @@ fn a_standard_output_that_cannot_be_written_is_told_once() {
         assert!(err.ends_with("cannot write to standard output: No space left on device (os error 28)\n"), "{err}");
         assert!(err.lines().count() == 1 && !err.contains(".h5"), "{command}: {err}");
     }
-    // Whoever reads what these print may have gone; what they were to make or to check is not all there.
+    // The reader of these has gone; what they should have made or checked is not complete.
     for command in ["verify x", "report x --out pages", "reprocess -q x", "repack x --codec none --out packed"] {
         let err = to_closed(command).expect(1).err;
         assert_eq!(err, "tapline: cannot write to standard output: Broken pipe (os error 32)\n", "{command}");

@@ -22,8 +22,8 @@ fn wrong_usage_has_its_own_exit_code() {
     }
 }
 
-/// Catches a file that is absent or no archive and is taken for one, an error that does not name it, or names its cause twice or not
-/// at all, and a folder that is made for nothing.
+/// Catches a missing or other file that is taken for an archive; an error without its name, or with its cause twice
+/// or not at all; and a folder that is made for nothing.
 #[test]
 fn what_is_no_archive_is_told_by_name() {
     const ABSENT: &str = "No such file or directory";
@@ -34,7 +34,7 @@ fn what_is_no_archive_is_told_by_name() {
         ("verify absent.h5", 1, ABSENT),
         ("export text.h5 ledger", 1, "text.h5 is not an HDF5 file"),
         ("report text.h5", 1, "text.h5 is not an HDF5 file"),
-        // What stands in an archive's place is a finding of verify, not a fault of the command.
+        // A wrong file in place of an archive is a finding of verify, not an error of the command.
         ("verify text.h5", 3, "text.h5: UNREADABLE"),
     ] {
         let done = sandbox.run(command).expect(code);

@@ -257,7 +257,7 @@ fn everyone_is_killed_while_casings_come_and_go() {
         line.kill().unwrap();
         line.wait().unwrap();
     }
-    // Pace, codec and remarks affect no result: what is under way is gone on with.
+    // Pace, codec and comments affect no result: what is under way is continued.
     let later = "[acquire]\ntaps_per_s = 400.0\n[store]\ncodec = \"zstd\"\n";
     sandbox.write("later.toml", &format!("# later\n{scan}\n{later}"));
     sandbox.run("run --config later.toml --out paced").expect(0);
@@ -323,7 +323,7 @@ fn an_interrupted_run_is_resumed() {
     assert_eq!(summary["pace"]["taps"].as_u64().unwrap(), 328 - archived, "only what was missing is taken");
     let there = |name: &str| {
         let line = resumed.err.lines().find_map(|line| line.strip_prefix(&format!("casing {name} goes on: ")));
-        line.and_then(|line| line.strip_suffix(" of 164 taps are there")?.parse::<u64>().ok()).unwrap_or(0)
+        line.and_then(|line| line.strip_suffix(" of 164 taps are done")?.parse::<u64>().ok()).unwrap_or(0)
     };
     assert_eq!(there("SIM-0001") + there("SIM-0002"), archived, "{}", resumed.err);
     assert_whole(&sandbox, "paced", &expected);

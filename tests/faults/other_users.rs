@@ -208,5 +208,5 @@ fn an_output_folder_of_another_is_refused_with_his_name() {
     // A line of root was killed there.
     fs::write(own.join(".line"), "pid = 1\n").unwrap();
     fs::set_permissions(own.join(".line"), Permissions::from_mode(0o600)).unwrap();
-    refused("--out own", "of a line of another user");
+    refused("--out own", "from a line of another user");
 }

@@ -1,4 +1,4 @@
-//! What full-scale samples are worth: found by listening, kept in archives, and told where it is missing.
+//! Calibration of full-scale samples: found by listening, kept in archives, and reported where it is missing.
 
 use std::fs::File;
 use std::io::Write as _;
@@ -29,7 +29,7 @@ fn calibrate(sandbox: &Sandbox, arguments: &str, frames: impl Iterator<Item = (f
     let running = Running::of(command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap());
     let count = |x: f64| ((x * 32_768.0).round() as i16).to_le_bytes();
     let bytes: Vec<u8> = frames.flat_map(|(force, sound)| [count(force), count(sound)]).flatten().collect();
-    // It stays open, so that a card that was heard to its end is silent; who listens may have heard enough before.
+    // It stays open, so that the card is silent at its end; the listener may have heard enough before.
     let mut card = File::options().write(true).open(sandbox.path("bench.pcm")).unwrap();
     drop(card.write_all(&bytes));
     running.finish()

@@ -17,7 +17,7 @@ use crate::sandbox::{Sandbox, short_scan};
 /// Samples of a record, in frames.
 const RECORD: usize = 4096;
 
-/// Configures the sound card `name`, which plays what is written into the pipe `name`.pcm: it is there once that is.
+/// Configures the sound card `name`, which plays what is written into the pipe `name`.pcm, and exists once that does.
 pub(crate) fn sound_card(sandbox: &Sandbox, name: &str) {
     let pipe = sandbox.path(&format!("{name}.pcm"));
     let card = format!("pcm.{name} {{ type file slave.pcm null file /dev/null infile {pipe:?} format raw }}");
@@ -120,7 +120,7 @@ fn taps_by_hand_come_in_the_order_of_the_plan() {
     assert_eq!(table.lines().count(), 51);
 }
 
-/// Catches a sound card that is not there and ends the line, or that nobody hears of.
+/// Catches a missing sound card that ends the line, or that is not reported.
 #[test]
 fn a_missing_sound_card_is_acknowledged_and_waited_for() {
     let sandbox = Sandbox::new();

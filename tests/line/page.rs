@@ -79,7 +79,7 @@ fn a_browser_shows_each_verdict_and_where_the_crack_is() {
     browser.open(&format!("http://{address}/"));
     let state = "document.getElementById('station-1')?.dataset.state";
     until("there is no casing", || browser.value(state) == "idle");
-    // The page itself notes when what is to be seen changed.
+    // The page itself records when what it shows has changed.
     browser.value(
         "window.seen = [];
          new MutationObserver(() => {
@@ -130,7 +130,7 @@ fn a_browser_shows_each_verdict_and_where_the_crack_is() {
     let report = ask(&address, report.as_str().unwrap(), "");
     assert!(report.code == 200 && report.body.contains("REJECT") && report.body.contains("</html>"), "{}", report.head);
 
-    // A line that has gone, however, shows no verdict.
+    // But a line that has gone shows no verdict.
     drop(line.kill());
     until("the page says that it knows nothing", || browser.value(state) == "unknown");
     assert_eq!(browser.value("document.body.dataset.link"), "lost");
@@ -262,7 +262,7 @@ fn only_who_may_sees_the_line() {
     assert!(page.header("cache-control") == Some("no-store"), "{page:?}");
     let policy = page.header("content-security-policy").unwrap();
     assert!(policy.contains("default-src 'none'") && !policy.contains("unsafe"), "{policy}");
-    // A name that leads here, but is of elsewhere.
+    // A foreign name that resolves to this machine.
     let rebound = send(&address, "GET /events HTTP/1.1\r\nHost: elsewhere.example:80\r\nConnection: close\r\n\r\n");
     assert_eq!(rebound.code, 403, "{rebound:?}");
     for path in ["/report?file=/etc/passwd", "/report?file=plant.toml", "/nothing"] {

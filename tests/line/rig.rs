@@ -1,10 +1,10 @@
-//! What the casings of a station have in common speaks of its rig.
+//! What the casings of a station have in common points to its rig.
 
 use crate::sandbox::Sandbox;
 use crate::sandbox::running::{Running, until};
 
-/// Catches a microphone that hears more noise than it did for the reference and of which nobody is told: in the log, in the status, on
-/// the page of the shift and at the end of a run; and a rig that is accused while it is as it was, though casings are cracked.
+/// Catches a microphone that hears more noise than it did for the reference, unreported in the log, in the status, on
+/// the page of the shift or at the end of a run; and an unchanged rig that is accused because casings are cracked.
 #[test]
 fn a_rig_that_has_changed_is_told() {
     let sandbox = Sandbox::new();

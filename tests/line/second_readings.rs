@@ -23,7 +23,7 @@ fn a_crack_is_tapped_again_before_it_is_judged() {
     let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json --casings 2");
     let verdicts = line.verdicts(2);
     line.finish().expect(0);
-    // The casings of a station are cracked and sound by turns.
+    // The casings of a station are alternately cracked and sound.
     assert_eq!((&verdicts[0]["verdict"], &verdicts[1]["casing"]), (&"REJECT".into(), &"S1-2".into()), "{verdicts:?}");
     let file = file_of(&verdicts[0]);
     assert!(verify(&file).unwrap().is_complete());

@@ -10,7 +10,7 @@ use crate::sandbox::Sandbox;
 use crate::sandbox::archives::{Contents, assert_same_casings, bend, casings, finished, table_bytes};
 use tapline_testing::documents::csv_rows;
 
-/// Of one sound shoulder in fifty something stands out; of none with this seed.
+/// On one sound shoulder in fifty something stands out; on none with this seed.
 const SCAN: &str = "
 [scan]
 seed = 2
@@ -36,7 +36,7 @@ fn scanned() -> Sandbox {
     sandbox
 }
 
-/// Catches a place that is not that of the strongest arc, beside whose strength it stands: of this shoulder a weaker region has
+/// Catches a place outside the strongest arc, next to whose strength it is printed: here a weaker region has
 /// as great an index.
 #[test]
 fn the_place_of_a_verdict_is_in_its_strongest_region() {
@@ -58,7 +58,7 @@ fn a_run_taps_once_around_and_what_stands_out_again() {
     sandbox.write("slow.toml", "[acquire]\ntaps_per_s = 21.0\n");
     let done = sandbox.run("run --config slow.toml --out run --json");
     let summary = done.json(0);
-    assert!(done.err.contains("scanning 202 taps, and what stands out again;"), "{}", done.err);
+    assert!(done.err.contains("scanning 202 taps, plus second readings;"), "{}", done.err);
     let made = summary["archived"].as_u64().unwrap();
     assert_eq!(summary["verdicts"][0]["verdict"], "REJECT");
     let reader = Reader::open(sandbox.path("run/SIM-0001.h5")).unwrap();
@@ -241,7 +241,7 @@ fn another_plan_or_configuration_is_refused() {
     fs::create_dir(sandbox.path("mine")).unwrap();
     fs::write(sandbox.path("mine/mine.h5"), "mine").unwrap();
     let done = sandbox.run("run --config scan.toml --stations 2 --out mine").expect(1);
-    assert!(done.err.contains("no run.toml that says what run they are of"), "{done:?}");
+    assert!(done.err.contains("no run.toml that says which run made them"), "{done:?}");
     assert_eq!(fs::read_to_string(sandbox.path("mine/mine.h5")).unwrap(), "mine");
     // Neither a remark nor the pace makes it another run.
     sandbox.write("paced.toml", &format!("# tonight\n{SCAN}\n[acquire]\ntaps_per_s = 500.0\n"));

@@ -151,7 +151,7 @@ fn faults_in_process(scan: &ScanConfig, cracks: &[Crack]) -> Vec<String> {
 }
 
 /// Checks that no cracked shoulder passes, that few cracks are found only in part, and that few sound places are
-/// called. One in fifty sound shoulders is the stated rate, and a casing that is its own reference shows less than a
+/// reported. One in fifty sound shoulders is the stated rate, and a casing that is its own reference shows less than a
 /// file of others.
 fn check(found: &[String]) {
     let shoulders = |is_it: &dyn Fn(&str) -> bool| -> BTreeSet<String> {

@@ -1,4 +1,4 @@
-//! A browser without a window, led through pipes.
+//! A browser without a window, controlled through pipes.
 
 use std::fs::File;
 use std::io::{BufRead as _, BufReader, Write as _};
@@ -63,7 +63,7 @@ impl Browser {
         Some(browser)
     }
 
-    /// Has the browser do something; its answer.
+    /// Sends the browser a command; returns its answer.
     fn command(&mut self, method: &str, parameters: &Value) -> Value {
         self.asked += 1;
         let mut message = json!({ "id": self.asked, "method": method, "params": parameters });

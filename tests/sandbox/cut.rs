@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU8, Ordering};
 use std::thread;
 use std::time::Duration;
 
-/// Nothing has happened yet; the word has been sent, and nothing comes back; the connection was cut, and later ones are not.
+/// Nothing has happened yet; the word was sent, and no answer comes back; the connection was cut, later ones are not.
 const WHOLE: u8 = 0;
 const SILENT: u8 = 1;
 const CUT: u8 = 2;

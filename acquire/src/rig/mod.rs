@@ -13,6 +13,7 @@ mod simulated;
 pub(crate) mod stream;
 
 use std::collections::VecDeque;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -59,6 +60,8 @@ pub struct RigConfig {
     pub timeout: Duration,
     /// The same where it has to find its home.
     pub home_timeout: Duration,
+    /// The file that keeps how the last casing ended; `None` to keep it in memory alone.
+    pub last_end: Option<PathBuf>,
     /// How often a failed move or hit is tried again before its tap is refused.
     pub retakes: u16,
     /// The device that hears its taps; simulated ones where left out.
@@ -104,6 +107,7 @@ impl RigArrivals {
             patience: rig.patience,
             timeout: rig.timeout,
             home_timeout: rig.home_timeout,
+            last_end: rig.last_end.clone(),
         };
         let no_thread = |what: &str, source| Error::Thread { what: format!("the {what} of station {station}"), source };
         let ear = match &rig.device {

@@ -1,4 +1,4 @@
-//! Who may change what is in an output folder: nobody but its owner, or results could be replaced.
+//! Who may change an output folder: only its owner, because others could replace results.
 
 use std::os::fd::OwnedFd;
 use std::path::Path;
@@ -7,7 +7,7 @@ use anyhow::{Context as _, Result, bail, ensure};
 use rustix::fs::{AtFlags, CWD, FileType, Mode, OFlags, Stat};
 use rustix::io::Errno;
 
-/// Which folder it is, whatever its path leads to by now.
+/// Identifies the folder, wherever its path leads by now.
 pub(super) type FolderId = (u64, u64);
 
 /// Makes the folder and those above it.
@@ -25,7 +25,7 @@ pub(super) fn open_folder(path: &Path) -> Result<OwnedFd, Errno> {
     rustix::fs::open(path, OFlags::RDONLY | OFlags::DIRECTORY | OFlags::CLOEXEC, Mode::empty())
 }
 
-/// Opens the folder if nobody else could put something of his into it.
+/// Opens the folder if no other user can put files into it.
 pub(super) fn open_checked(path: &Path) -> Result<OwnedFd> {
     let us = rustix::process::geteuid().as_raw();
     let is_trusted = |stat: &Stat| stat.st_uid == us || stat.st_uid == 0;
@@ -45,12 +45,12 @@ pub(super) fn open_checked(path: &Path) -> Result<OwnedFd> {
 
 fn owned_by(stat: &Stat) -> String {
     format!(
-        "it belongs to user {}, who could change results there: give a folder of your own, or run the line as that user",
+        "it belongs to user {}, who could change results there: use a folder of your own, or run the line as that user",
         stat.st_uid
     )
 }
 
-/// Makes the folder `inner` of the line's own files, or checks the one that is there.
+/// Makes the folder `inner` for the line's own files, or checks an existing one.
 pub(super) fn make_inner(folder: &OwnedFd, path: &Path, inner: &str) -> Result<()> {
     let name = path.join(inner);
     match rustix::fs::mkdirat(folder, inner, Mode::from_raw_mode(0o777)) {

@@ -1,4 +1,4 @@
-//! The lock of an output folder: the file `.line`, which one line at a time holds, and its content: which line that is.
+//! The lock of an output folder: the file `.line`, which one line at a time holds. Its content says which line that is.
 
 use std::fs::File;
 use std::os::fd::OwnedFd;
@@ -14,7 +14,7 @@ use crate::line::out_folder::process::ProcessName;
 /// The lock of an output folder, and the address of the line that holds it.
 pub(super) const LOCK: &str = ".line";
 
-/// Longest content of the lock that is read, in bytes: it has a few short lines.
+/// Most bytes of the lock that are read: it has a few short lines.
 const LOCK_BYTES_MAX: u64 = 4096;
 
 /// The content of the lock: the line that holds it.
@@ -24,12 +24,12 @@ pub(super) struct Entry {
     pub process: ProcessName,
     /// Folder that the line works in; absent while it has none.
     pub folder: Option<PathBuf>,
-    /// Folder of an earlier line that was killed, until it is cleared: should this process be killed before, the next one
-    /// knows of it still.
+    /// Folder of an earlier line that was killed, until it is cleared: if this process is killed before that, the next
+    /// one still knows of it.
     pub left: Option<PathBuf>,
 }
 
-/// Opens the lock, whatever it is, without following a link or waiting at a pipe.
+/// Opens the lock, whatever kind of file it is, without following a link or waiting at a pipe.
 pub(super) fn open_lock(folder: &OwnedFd, flags: OFlags) -> Result<File, Errno> {
     let flags = flags | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
     rustix::fs::openat(folder, LOCK, flags, Mode::RUSR | Mode::WUSR).map(File::from)
@@ -43,7 +43,7 @@ pub(super) fn check_lock(lock: &File, path: &Path) -> Result<()> {
     let is_ours = stat.st_uid == rustix::process::geteuid().as_raw();
     ensure!(
         is_file && is_ours && stat.st_nlink <= 1 && stat.st_mode & 0o077 == 0,
-        "{} was not made by a line of yours (user {}, mode {:03o}, {} names): look at it, and remove it if no line runs there",
+        "{} was not made by a line of yours (user {}, mode {:03o}, {} names): check it, and remove it if no line runs there",
         name.display(),
         stat.st_uid,
         stat.st_mode & 0o777,
@@ -55,16 +55,16 @@ pub(super) fn check_lock(lock: &File, path: &Path) -> Result<()> {
 pub(super) fn lock_refused(path: &Path, error: Errno) -> String {
     let name = path.join(LOCK);
     match error {
-        Errno::LOOP => format!("{} is a link, which no line makes: remove it", name.display()),
-        Errno::ACCESS if name.exists() => format!("{} is of a line of another user", name.display()),
+        Errno::LOOP => format!("{} is a link; no line makes links: remove it", name.display()),
+        Errno::ACCESS if name.exists() => format!("{} is from a line of another user", name.display()),
         Errno::ACCESS => format!("cannot write into {}: permission denied", path.display()),
-        Errno::NXIO => format!("{} is no ordinary file: remove it", name.display()),
+        Errno::NXIO => format!("{} is not a regular file: remove it", name.display()),
         error => format!("cannot open {}: {error}", name.display()),
     }
 }
 
-/// Makes the lock if it is not there, and takes it. It is held open to read only: so it does not keep the disk from being
-/// made read only.
+/// Makes the lock if it does not exist, and takes it. It is open only for reading, so that the disk can still be
+/// remounted read-only.
 pub(super) fn take_lock(folder: &OwnedFd, path: &Path) -> Result<File> {
     loop {
         let lock = match open_lock(folder, OFlags::CREATE | OFlags::RDONLY) {
@@ -78,7 +78,7 @@ pub(super) fn take_lock(folder: &OwnedFd, path: &Path) -> Result<File> {
                 let who = read_entry(&lock).map_or(String::new(), |entry| format!(" (process {})", entry.process.pid));
                 bail!("another line{who} is writing to {}", path.display());
             }
-            // A network's file system has locks only for files that are open to write.
+            // A network file system locks only files that are open for writing.
             Err(Errno::BADF) => {
                 let lock = open_lock(folder, OFlags::RDWR).map_err(|e| anyhow::anyhow!(lock_refused(path, e)))?;
                 if rustix::fs::flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err() {
@@ -94,7 +94,7 @@ pub(super) fn take_lock(folder: &OwnedFd, path: &Path) -> Result<File> {
         if !is_same {
             continue;
         }
-        // One that has released it while its disk is repaired still owns the folder.
+        // A line that released it while its disk is repaired still owns the folder.
         if let Some(entry) = read_entry(&lock).filter(|entry| entry.process.is_alive())
             && entry.process.pid != std::process::id()
         {
@@ -116,12 +116,12 @@ pub(super) fn read_entry(lock: &File) -> Option<Entry> {
 mod tests {
     use super::*;
 
-    /// Catches a folder without permission that is said to be another user's.
+    /// Catches a folder without permission that is reported as another user's.
     #[test]
     fn who_may_not_write_is_told_why() {
         let folder = tempfile::tempdir().unwrap();
         assert!(lock_refused(folder.path(), Errno::ACCESS).starts_with("cannot write into "));
         std::fs::write(folder.path().join(LOCK), "").unwrap();
-        assert!(lock_refused(folder.path(), Errno::ACCESS).ends_with(".line is of a line of another user"));
+        assert!(lock_refused(folder.path(), Errno::ACCESS).ends_with(".line is from a line of another user"));
     }
 }

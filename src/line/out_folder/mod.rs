@@ -1,10 +1,10 @@
-//! The folder that a line writes to: held by one line at a time, which is found by it.
+//! The folder that a line writes to. One line at a time holds it, and is found through it.
 //!
-//! Beside the results it has the folder `open`, for those under way, `unreported`, for verdicts that are still to be reported, and while a
-//! line runs the file `.line`: the lock, and in it where the line is found, so that the next line finds and clears what a killed one
-//! has left, and `tapline status` finds the one that runs. Only who owns the folder may use it, as its owner could put anything in the place of a result;
-//! nor may everyone be able to write in it, unless it is sticky. `.line` is of its user alone; results and `open` are as
-//! the user's umask has it.
+//! Besides the results it has the folder `open`, for results under way, the folder `unreported`, for verdicts that are
+//! still to be reported, and, while a line runs, the file `.line`. This lock says where the line is, so that the next
+//! line can clear what a killed one left, and `tapline status` finds the running one. Only its owner may use the
+//! folder, who could replace any result; it must not be writable for everyone, unless it is sticky. Only the line's
+//! user can open `.line`; for results and `open` the user's umask applies.
 
 mod access;
 mod lock;
@@ -28,7 +28,7 @@ use crate::line::out_folder::access::{FolderId, id_of, make_all, make_inner, ope
 use crate::line::out_folder::lock::{Entry, LOCK, check_lock, lock_refused, open_lock, read_entry, take_lock};
 use crate::line::out_folder::process::ProcessName;
 
-/// How long stages of a line that was killed are waited for before people are informed.
+/// How long to wait for the stages of a killed line before people are informed.
 const REPORT_AFTER: Duration = Duration::from_millis(500);
 
 /// An output folder that this process holds, until it is dropped.
@@ -37,9 +37,9 @@ pub(crate) struct OutFolder {
     path: PathBuf,
     id: FolderId,
     entry: Entry,
-    /// Where a line that was killed worked.
+    /// The address of a line that was killed.
     left: Option<LineAddress>,
-    /// Nothing of the folder is open while it is released.
+    /// Nothing in the folder is open while this is `None`.
     lock: Option<File>,
 }
 
@@ -48,15 +48,15 @@ pub(crate) struct OutFolder {
 pub(crate) struct FoundLine {
     /// Number of its first process.
     pub pid: u32,
-    /// Where it is found.
+    /// Its address.
     pub address: LineAddress,
 }
 
 impl OutFolder {
-    /// Makes the folder and the one for results under way, if they are not there, and holds off every other line.
+    /// Makes the folder and the one for results under way, if they do not exist, and keeps other lines out.
     ///
     /// # Errors
-    /// That another line has it, by its process; that somebody else could change what is in it; an error of the system.
+    /// Another line has it (its process is named); somebody else could change its contents; a system error.
     pub(crate) fn take(path: &Path) -> Result<Self> {
         let path = std::path::absolute(path).with_context(|| format!("{} is no usable path", path.display()))?;
         make_all(&path)?;
@@ -72,7 +72,7 @@ impl OutFolder {
         Ok(folder)
     }
 
-    /// Makes the folder for notes of verdicts that are still to be reported, if it is not there.
+    /// Makes the folder for notes of verdicts that are still to be reported, if it does not exist.
     ///
     /// # Errors
     /// That somebody else could change what is in it; an error of the system.
@@ -90,10 +90,10 @@ impl OutFolder {
         self.path.join(OPEN_FOLDER)
     }
 
-    /// Clears away what a line that was killed left, waiting up to `patience` for its stages to end.
+    /// Clears away what a killed line left, waiting up to `patience` for its stages to end.
     ///
     /// # Errors
-    /// That they still run.
+    /// If they still run.
     pub(crate) fn clear_left(&mut self, patience: Duration) -> Result<()> {
         let Some(address) = &self.left else { return Ok(()) };
         let since = Instant::now();
@@ -102,7 +102,7 @@ impl OutFolder {
             match address.clear() {
                 Ok(true) => break,
                 Ok(false) => {}
-                // Somebody else has taken its name since: nothing of it is left there.
+                // Somebody else has taken its name since: nothing of the line is left there.
                 Err(error) => {
                     tracing::warn!(%error, "what an earlier line left is not touched");
                     break;
@@ -120,7 +120,7 @@ impl OutFolder {
         Ok(())
     }
 
-    /// Writes down where the line that holds the folder is found. To be called before any stage starts.
+    /// Records the address of the line that holds the folder. To be called before any stage starts.
     ///
     /// # Errors
     /// An error of the system.
@@ -130,9 +130,9 @@ impl OutFolder {
         self.write()
     }
 
-    /// Releases everything in the folder, so that its disk can be taken out, repaired and put back.
+    /// Closes everything in the folder, so that its disk can be taken out, repaired and put back.
     ///
-    /// No other line can have it meanwhile, as the lock names this process, which lives.
+    /// No other line can take it meanwhile, because the lock names this process, which is alive.
     pub(crate) fn release(&mut self) {
         self.lock = None;
     }
@@ -140,7 +140,7 @@ impl OutFolder {
     /// Takes the folder back after [`OutFolder::release`]; whether it is there again.
     ///
     /// # Errors
-    /// That another line has taken it meanwhile.
+    /// If another line has taken it meanwhile.
     pub(crate) fn take_back(&mut self) -> Result<bool> {
         if self.lock.is_some() {
             return Ok(true);
@@ -163,10 +163,10 @@ impl OutFolder {
         Ok(true)
     }
 
-    /// The line that runs and writes to the folder at `path`, if one does. Changes nothing, holds nothing.
+    /// The running line that writes to the folder at `path`, if any. Changes nothing and holds nothing.
     ///
     /// # Errors
-    /// That the folder or its lock cannot be read, or is not of this user.
+    /// If the folder or its lock cannot be read, or belongs to another user.
     pub(crate) fn find_line(path: &Path) -> Result<Option<FoundLine>> {
         let folder = open_folder(path).with_context(|| format!("cannot look into {}", path.display()))?;
         let lock = match open_lock(&folder, OFlags::RDONLY) {
@@ -180,7 +180,7 @@ impl OutFolder {
         Ok(address.map(|address| FoundLine { pid: entry.process.pid, address }))
     }
 
-    /// Writes the lock anew and has it on the disk.
+    /// Rewrites the lock, and syncs it to the disk.
     fn write(&self) -> Result<()> {
         let lock = self.path.join(LOCK);
         let write = || -> Result<()> {
@@ -190,7 +190,7 @@ impl OutFolder {
             check_lock(&file, &self.path)?;
             file.set_len(0)?;
             file.write_all(toml::to_string(&self.entry)?.as_bytes())?;
-            // After its disk has failed and came back, the folder is recognised by this.
+            // After its disk has failed and is back, the folder is recognised by this.
             file.sync_all()?;
             Ok(rustix::fs::fsync(&folder)?)
         };
@@ -201,14 +201,14 @@ impl OutFolder {
 impl Drop for OutFolder {
     fn drop(&mut self) {
         if self.lock.is_none() && !self.take_back().unwrap_or(false) {
-            return; // the next line finds it, and that its process has ended
+            return; // the next line finds it, and sees that its process has ended
         }
         if let Some(address) = &self.left {
             tracing::debug!(folder = %address.root().display(), "what an earlier line left is still there");
             return;
         }
         let path = self.path.join(LOCK);
-        // With its folder it may have been removed already.
+        // It may have been removed already, with its folder.
         if let Err(error) = std::fs::remove_file(&path)
             && error.kind() != ErrorKind::NotFound
         {

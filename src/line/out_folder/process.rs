@@ -1,4 +1,4 @@
-//! A process as the lock names it: a number alone may be that of a later one.
+//! A process as the lock names it: a later process may have the same number.
 
 use anyhow::{Context as _, Result};
 use serde::{Deserialize, Serialize};
@@ -9,7 +9,7 @@ pub(super) struct ProcessName {
     pub pid: u32,
     /// When it started, in clock ticks since the system did.
     pub started: u64,
-    /// Which life of the system that was in.
+    /// Identifies the boot of the system.
     pub boot: String,
 }
 
@@ -23,7 +23,7 @@ impl ProcessName {
         let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
         // The name comes second and may hold anything; what follows starts with the third field, and 22 is wanted.
         let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
-        // One that has ended and was not waited for yet does nothing any more.
+        // A zombie does nothing any more.
         if matches!(*fields.first()?, "Z" | "X") {
             return None;
         }

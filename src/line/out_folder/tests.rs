@@ -42,7 +42,7 @@ fn what_a_killed_line_left_is_found_and_cleared() {
     let mut out = OutFolder::take(temp.path()).unwrap();
     let address = LineAddress::fresh().unwrap();
     out.enter(&address).unwrap();
-    // As if it were killed: the lock is let go and stays, and its process is no more.
+    // As if it were killed: the lock is released but stays, and its process has ended.
     out.release();
     let killed = Entry { process: ProcessName { pid: 1, ..out.entry.process.clone() }, ..out.entry.clone() };
     fs::write(temp.path().join(LOCK), toml::to_string(&killed).unwrap()).unwrap();

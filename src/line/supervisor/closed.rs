@@ -42,7 +42,7 @@ impl Supervisor<'_> {
             if !self.is_list {
                 tracing::warn!(
                     casing = unreported.name,
-                    "is not judged again, as exactly these recordings were judged before: {}",
+                    "is not judged again, because exactly these recordings were judged before: {}",
                     unreported.file.display()
                 );
             }
@@ -71,7 +71,7 @@ impl Supervisor<'_> {
         }
     }
 
-    /// Tells the verdict on the casing of `note`; `was_open` says whether it has just left its station.
+    /// Reports the verdict on the casing of `note`; `was_open` says whether it has just left its station.
     fn report(&mut self, note: &Unreported, was_open: bool) {
         let path = self.shown.out.join(&note.file);
         let read = || -> Result<_> {
@@ -112,7 +112,7 @@ impl Supervisor<'_> {
         self.alarm(format!("{name}: the verdict could not be printed; it is in its file"));
     }
 
-    /// Counts a casing whose verdict was unreported, and keeps for viewers how it was.
+    /// Counts a casing whose verdict was unreported, and keeps its state for viewers.
     fn note_judged(&mut self, verdict: &CasingVerdict, reader: &Reader) {
         match since_last_tap_s(reader) {
             Ok(latency_s) => latency_s.into_iter().for_each(|latency_s| self.shown.latency.note(latency_s)),
@@ -140,7 +140,7 @@ impl Supervisor<'_> {
     fn watch_rig(&mut self, verdict: &CasingVerdict) {
         let number = verdict.station;
         let shoulders = verdict.shoulders.iter().map(|s| (Reasons::named(&s.reasons), &s.whole));
-        // A list says so at its end.
+        // For a list, the summary says so.
         for of_station in self.rigs.add(number, &verdict.casing, shoulders).iter().filter(|_| !self.is_list) {
             match of_station.is_over {
                 true => tracing::info!(station = number, "over: {}", of_station.sign),

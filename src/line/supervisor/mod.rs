@@ -1,4 +1,4 @@
-//! The process that starts the others: it tends them, follows what `store` reports of the casings, and informs people.
+//! The process that starts the others, restarts them, follows what `store` reports of the casings, and informs people.
 
 mod closed;
 
@@ -31,10 +31,10 @@ use crate::wires::Wires;
 /// How long a stage may take to end after it was asked to.
 const END_WITHIN: Duration = Duration::from_secs(20);
 
-/// How often the stages are looked at, and the status is shown if it has changed.
+/// How often the stages are checked, and the status is sent if it has changed.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
 
-/// How often the status is shown if nothing has changed, so that who looks on knows that the line goes on.
+/// How often the status is sent if nothing has changed, so that viewers know that the line still runs.
 const SHOW_EVERY: Duration = Duration::from_secs(1);
 
 /// How often viewers that have died are looked for.
@@ -48,7 +48,7 @@ const SHOWN_MAX: usize = 16;
 pub(crate) struct Pace {
     /// Taps that were settled before; `None` when there was nothing to do.
     pub settled_before: Option<usize>,
-    /// Time that took.
+    /// How long it took.
     pub elapsed_s: f64,
     /// How often each stage was restarted.
     pub restarts: Vec<(String, u32)>,
@@ -58,12 +58,12 @@ pub(crate) struct Pace {
     pub closed: usize,
     /// Casings that were refused.
     pub refused: usize,
-    /// What was left out: casings that were refused, passed over or judged without all of their taps, and tap sets that were put
-    /// aside. Of a line that never ends, the first ones.
+    /// What was left out: casings that were refused, skipped or judged without all taps, and tap sets that were put
+    /// aside. For a line that never ends, only the first ones.
     pub left_out: Vec<String>,
     /// Casings that are not done.
     pub unfinished: Vec<String>,
-    /// Who has not acknowledged how many verdicts.
+    /// Receivers with verdicts yet to acknowledge, counted.
     pub waiting: Vec<(String, u64)>,
 }
 
@@ -93,13 +93,13 @@ impl Open {
     }
 }
 
-/// Who is shown each status, beside viewers in shared memory; whether they still can be.
+/// Gets each status, in addition to viewers in shared memory; returns whether it still can.
 pub(crate) type ShowStatus = Box<dyn Fn(&str) -> bool>;
 
 /// Where verdicts and progress are published.
 pub(crate) struct Audience {
     pub progress: Progress,
-    /// Who receives the plant's verdicts; none of a list's.
+    /// The plant's receivers of verdicts; `None` for a list.
     pub wires: Option<Wires>,
     /// How verdicts are printed.
     pub form: Form,
@@ -204,7 +204,7 @@ impl<'a> Supervisor<'a> {
         }
         self.receive()?;
         self.audience.progress.finish();
-        // Whoever receives verdicts has the last ones before the line is reported to be over.
+        // Receivers have the last verdicts before the line is reported to have ended.
         let receivers = self.audience.wires.take().map(Wires::close).unwrap_or_default();
         let waiting = receivers.into_iter().filter(|receiver| receiver.waiting > 0);
         self.pace.waiting = waiting.map(|receiver| (receiver.name, receiver.waiting)).collect();
@@ -239,10 +239,10 @@ impl<'a> Supervisor<'a> {
                             if header.settled_before_count > 0 {
                                 let there = format!("{} of {}", header.settled_before_count, header.tap_count);
                                 let how = match self.has_station(station) {
-                                    true => "goes on".to_owned(),
+                                    true => "continues".to_owned(),
                                     false => format!("waits for station {station}, which is not in the configuration"),
                                 };
-                                self.audience.progress.print(&format!("casing {name} {how}: {there} taps are there"));
+                                self.audience.progress.print(&format!("casing {name} {how}: {there} taps are done"));
                             }
                             self.open.push(Open { number, name, header, layout, again, ledger: None });
                         }
@@ -309,7 +309,7 @@ impl<'a> Supervisor<'a> {
     fn lost_file(&mut self, number: u64, reason: &str) {
         let Some(place) = self.open.iter().position(|casing| casing.number == number) else { return };
         let casing = self.open.swap_remove(place);
-        self.alarm(format!("casing {}: {reason}; it is tapped anew", casing.name));
+        self.alarm(format!("casing {}: {reason}; it is tapped again", casing.name));
     }
 
     /// Notes why the archive cannot be written; an empty text ends that.
@@ -338,7 +338,7 @@ impl<'a> Supervisor<'a> {
         self.settled_closed + self.open.iter().map(of).sum::<usize>()
     }
 
-    /// Asks some stages to end, and waits for them; those before them are tended meanwhile.
+    /// Asks some stages to end, and waits for them; those before them are still restarted meanwhile.
     fn end(&mut self, which: Range<usize>) -> Result<()> {
         let since = Instant::now();
         self.stages.ask_to_end(which.clone());
@@ -375,7 +375,7 @@ impl<'a> Supervisor<'a> {
         (self.shown_at, self.is_news) = (Instant::now(), false);
         for station in &mut self.shown.stations {
             let of = |casing: &&Open| casing.header.station == u32::from(station.number);
-            // The one that is tapped is the one that was opened last.
+            // The casing that is being tapped was opened last.
             station.casing = self.open.iter().rev().find(of).map(Open::status);
         }
         self.shown.stages = self.stages.statuses();
@@ -392,12 +392,12 @@ impl<'a> Supervisor<'a> {
         self.status_out.send(RecordKind::Data, Stamp::default(), text.as_bytes())?;
         if self.audience.show.as_ref().is_some_and(|show| !show(&text)) {
             self.audience.show = None;
-            self.alarm("the page of the line is not served any more; the line goes on".to_owned());
+            self.alarm("the page of the line is no longer served; the line continues".to_owned());
         }
         Ok(())
     }
 
-    /// What keeps the line from going on as it should.
+    /// What keeps the line from working as it should.
     fn troubles(&self) -> Vec<String> {
         let is_so = [
             (self.shown.is_ending, "the line is ending"),
@@ -415,7 +415,7 @@ impl<'a> Supervisor<'a> {
             let station = u16::try_from(casing.header.station).unwrap_or(u16::MAX);
             let name = &casing.name;
             match self.has_station(station) {
-                true => format!("casing {name} is not done: the same command goes on with it"),
+                true => format!("casing {name} is not done: the same command continues it"),
                 false => format!("casing {name} is not done: its station {station} is not in the configuration"),
             }
         };
@@ -430,7 +430,7 @@ impl<'a> Supervisor<'a> {
         }
     }
 
-    /// Whether the line has the station with this number; a list has all.
+    /// Whether the line has the station with this number; a list has all stations.
     fn has_station(&self, number: u16) -> bool {
         self.is_list || self.shown.stations.iter().any(|station| station.number == number)
     }

@@ -9,7 +9,7 @@ use tapline_wire::Discriminator;
 
 use crate::report::evidence::{Shoulder, Tyre};
 
-/// Offset and velocity of a tap, as integers, so that they compare exactly.
+/// Offset and velocity of a tap, as integers, which can be compared exactly.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Condition {
     offset_um: Option<i64>,
@@ -75,8 +75,8 @@ fn contrast(config: &FuseConfig, tyre: &Tyre, condition: Condition) -> Option<f6
     mean(&config.discriminators.iter().filter_map(contrast_of).collect::<Vec<f64>>())
 }
 
-/// By how much the discriminators of the index change in region number `region` of `shoulder`: the mean there over the median
-/// outside of all regions, those that stand out most first. Empty where there is nothing outside.
+/// How much the discriminators of the index change in region number `region` of `shoulder`: the mean in it divided by
+/// the median outside all regions, the largest change first. Empty if there is nothing outside.
 pub(crate) fn changes(
     config: &FuseConfig,
     shoulder: &Shoulder,

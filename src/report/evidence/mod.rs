@@ -55,7 +55,7 @@ pub(crate) struct Evidence {
 pub(crate) struct Tyre {
     pub serial: Serial,
     pub shoulders: Vec<Shoulder>,
-    /// The offset and velocity that show its damage best, which are drawn where all would be too many.
+    /// The offset and velocity that show its damage best. Only these are drawn where all would be too many.
     pub condition: Option<Condition>,
 }
 
@@ -63,16 +63,16 @@ pub(crate) struct Tyre {
 pub(crate) struct Shoulder {
     pub number: u16,
     pub station: u16,
-    /// RE-INSPECT if nothing is judged, because no verdict is no PASS.
+    /// RE-INSPECT if nothing is judged, because a missing verdict is not a PASS.
     pub verdict: Verdict,
     pub reasons: Reasons,
     /// Probabilities that a sound shoulder is not passed, and that it is rejected, for which the limits were set.
     pub rates: Option<[f64; 2]>,
-    /// Indices from which on a location is suspect, and from which on it is damage.
+    /// The evidence from which an arc is suspect, and from which it is damage.
     pub limits: Option<Limits>,
     /// How far the strongest arc stands out; the limits apply to it.
     pub strongest_arc: Option<f64>,
-    /// The same by the first reading alone, if anything was tapped again.
+    /// The same for only the first reading, if anything was tapped again.
     pub first_strongest_arc: Option<f64>,
     pub whole: Whole,
     /// Ascending by location; without an index if nothing is judged.
@@ -82,7 +82,7 @@ pub(crate) struct Shoulder {
     pub regions: Vec<Region>,
     /// Every planned tap.
     pub taps: Vec<Tap>,
-    /// The index of each offset alone, ascending; empty if the plan has only one offset.
+    /// The index of each offset by itself, ascending; empty if the plan has only one offset.
     pub offsets: Vec<OffsetMap>,
 }
 
@@ -159,7 +159,7 @@ impl Evidence {
         };
         let mut tyres: Vec<Tyre> = Vec::new();
         for (number, (scan, judged)) in plan.scans().iter().zip(reader.judgements()?).enumerate() {
-            // A casing of which an angle is not known is drawn by its locations, all shoulders alike.
+            // If one angle of a casing is unknown, all its shoulders are drawn by location.
             let mut located =
                 plan.scans().iter().filter(|other| other.tyre == scan.tyre).flat_map(|scan| &scan.locations);
             let has_angles = located.all(|(_, angle_deg)| angle_deg.is_some());

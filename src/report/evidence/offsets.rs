@@ -1,4 +1,4 @@
-//! The damage index of each offset alone: where beside the belt edge a crack shows best.
+//! The damage index of each offset by itself: at what distance from the belt edge a crack shows best.
 
 use tapline_fuse::{Fusion, OffsetMap};
 
@@ -19,7 +19,7 @@ mod tests {
 
     use super::*;
 
-    /// A shoulder tapped at `offsets_mm`. Over locations 20 to 25 PR is raised at 5 mm alone, and location 30 has no
+    /// A shoulder tapped at `offsets_mm`. At locations 20 to 25 PR is raised only at 5 mm, and location 30 has no
     /// tap there.
     fn scanned(offsets_mm: &[f64]) -> Fusion {
         let recording = Recording {

@@ -8,7 +8,7 @@ use tapline_wire::Channel;
 
 /// The recording of one channel.
 pub(crate) struct Signal {
-    /// In N or V.
+    /// In its unit.
     pub values: Vec<f64>,
     pub sample_rate_hz: f64,
     pub pre_trigger_samples: u32,

@@ -23,8 +23,8 @@ const ROUND_HZ: f64 = 500.0;
 pub(crate) struct Spectra {
     /// Lower and upper edge, Hz.
     pub band_hz: (f64, f64),
-    /// For each cell of the shoulder: `ROWS` densities in dB re 1 V²/Hz (or Pa²/Hz, or parts of full scale) from the lower edge up; `None` if there is no
-    /// tap.
+    /// For each cell of the shoulder: `ROWS` densities in dB re 1 V²/Hz (or Pa²/Hz, or parts of full scale) from the
+    /// lower edge up; `None` if there is no tap.
     pub columns: Vec<Option<Vec<f64>>>,
 }
 

@@ -1,4 +1,4 @@
-//! A coordinate whose numbers are at chosen places only.
+//! An axis that has numbers only at chosen places.
 
 use std::ops::Range;
 

@@ -26,7 +26,7 @@ const SIZE: f64 = 11.0;
 
 pub(crate) type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Ticked, Ticked>>;
 
-/// The style of a curve. Each has its own width, by which dashes are added after the curves are written; the library
+/// The style of a curve. Each has its own width, which identifies it when dashes are added afterwards; the library
 /// would write every dash as an element.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Stroke {
@@ -147,7 +147,7 @@ fn dashed(mut svg: String) -> String {
     svg
 }
 
-/// Draws `points` as a curve that is interrupted where one is absent; a single point is a dot.
+/// Draws `points` as a curve with gaps where points are absent; a single point is a dot.
 pub(crate) fn curve(chart: &mut Chart<'_, '_>, points: &[Option<Point>], style: ShapeStyle) -> Result<()> {
     for run in points.split(Option::is_none) {
         let run: Vec<Point> = run.iter().copied().flatten().collect();
@@ -164,7 +164,7 @@ pub(crate) fn curve(chart: &mut Chart<'_, '_>, points: &[Option<Point>], style: 
     Ok(())
 }
 
-/// Draws a level line over the whole width.
+/// Draws a horizontal line over the whole width.
 pub(crate) fn level(chart: &mut Chart<'_, '_>, y: f64, style: ShapeStyle) -> Result<()> {
     let range = chart.x_range();
     chart.draw_series([PathElement::new(vec![(range.start, y), (range.end, y)], style)])?;

@@ -1,11 +1,11 @@
-//! Colours of small and large values, distinguished by lightness alone.
+//! Colours of small and large values, distinguished by lightness only.
 
 use plotters::prelude::*;
 
 /// Fill colour of a place without a value.
 pub(crate) const ABSENT: RGBColor = RGBColor(232, 232, 232);
 
-/// From low to high: ColorBrewer's YlGnBu, whose lightness falls steadily, so that it is readable without colours too.
+/// From low to high: ColorBrewer's YlGnBu. Its lightness falls steadily, so that it can be read without colours too.
 const STEPS: [RGBColor; 9] = [
     RGBColor(255, 255, 217),
     RGBColor(237, 248, 177),

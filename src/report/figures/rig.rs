@@ -1,4 +1,4 @@
-//! The rig of a station over a shift: what it measures beside the reference, casing by casing.
+//! The rig of a station over a shift: what it measures relative to the reference, casing by casing.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ use tapline_wire::Discriminator;
 use crate::report::figures::axis::Axis;
 use crate::report::figures::chart::{self, Key, Sheet, Stroke};
 
-/// What is drawn: the first two speak of the force sensor and of the impactor, the others of the microphone.
+/// What is drawn: the first two depend on the force sensor and the impactor, the others on the microphone.
 const CURVES: [(Discriminator, RGBColor, Stroke); 4] = [
     (Discriminator::FMax, BLUE, Stroke::Plain),
     (Discriminator::Tau, INK, Stroke::Dashed),
@@ -19,17 +19,17 @@ const CURVES: [(Discriminator, RGBColor, Stroke); 4] = [
     (Discriminator::Pr, ORANGE, Stroke::Dashed),
 ];
 
-/// Fewest casings that are drawn.
+/// With fewer casings nothing is drawn.
 const CASINGS_MIN: usize = 3;
 
 /// Most casings whose values are marked on the curves.
 const MARKED_MOST: usize = 60;
 
-/// A casing: multiples of the reference's by discriminator, and whether the verdict found them to be off.
+/// A casing: each discriminator as a multiple of the reference's, and whether the verdict found it to be off.
 pub(crate) type OfCasing<'a> = (&'a BTreeMap<String, f64>, bool);
 
-/// The picture of `casings`, in the order in which they were tapped, from the one to the other of `ends`; `None` of a few, and where
-/// nothing is known of them. The axis has room for `room`.
+/// The picture of `casings`, in the order in which they were tapped; `ends` are the first and the last. `None` if they
+/// are few, or nothing is known of them. The axis covers at least `room`.
 pub(crate) fn svg(title: String, ends: [&str; 2], casings: &[OfCasing<'_>], room: Point) -> Result<Option<String>> {
     let value = |which: Discriminator, (times, _): &OfCasing<'_>| times.get(which.name()).copied();
     let values = casings.iter().flat_map(|casing| CURVES.iter().filter_map(|&(which, ..)| value(which, casing)));

@@ -38,7 +38,7 @@ pub(crate) fn svg(title: &str, shoulder: &Shoulder, greatest: f64) -> Result<Str
     Ok(inline::svg(&svg, title))
 }
 
-/// The index of all taps outside; that of each offset inside, if there are several.
+/// The index of all taps is outside; inside it is that of each offset, if there are several.
 fn rings(area: &Area<'_>, shoulder: &Shoulder, greatest: f64) -> Result<()> {
     let inner = if shoulder.offsets.is_empty() { CORE } else { INNER };
     ring(area, shoulder, (inner, OUTER), greatest, |place| shoulder.cells[place].index)?;
@@ -66,7 +66,7 @@ fn ring(
     Ok(())
 }
 
-/// Extends a sector a little, so that no gap is visible between neighbours.
+/// Extends a sector slightly, so that no gap shows between neighbours.
 fn joined((from, to): Point) -> Point {
     (from - 0.15, to + 0.15)
 }
@@ -147,7 +147,7 @@ fn words(area: &Area<'_>, shoulder: &Shoulder) -> Result<()> {
     word(-22.0, "clockwise", 10.0, false)
 }
 
-/// The range of each location in degrees: half way to its neighbours, and at most half of the usual step, so that what
+/// The range of each location in degrees: halfway to its neighbours, but at most half the usual step, so that what
 /// was not scanned stays empty.
 fn sectors(cells: &[Cell]) -> Vec<Point> {
     let count = cells.len();

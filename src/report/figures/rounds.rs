@@ -20,7 +20,7 @@ pub(crate) const SHOULDERS: usize = 2;
 /// Colours and strokes of the curves of one picture.
 const CURVES: [(RGBColor, Stroke); 2] = [(BLUE, Stroke::Plain), (VERMILLION, Stroke::Dashed)];
 
-/// One repetition: what it is called, and position and value at each location; `None` where it has no tap or no value.
+/// One repetition: its name, and the position and value at each location; `None` where there is no tap or no value.
 type Turn = (String, Vec<Option<Point>>);
 
 /// The axis along the ring or line.
@@ -37,7 +37,7 @@ pub(crate) fn along(shoulders: &[Shoulder]) -> Axis {
     Axis::from_to("location", (first - 0.5, last + 0.5), 8)
 }
 
-/// The damage index of at most [`SHOULDERS`] shoulders of a tyre, with their limits; the axis is of the `range` of all.
+/// The damage index of at most [`SHOULDERS`] shoulders of a tyre, with their limits; the axis covers all of `range`.
 pub(crate) fn index(geometry: Geometry, title: String, shoulders: &[Shoulder], range: (f64, f64)) -> Result<String> {
     let keys = CURVES.iter().zip(shoulders).map(|(&(color, stroke), shoulder)| Key {
         words: format!("{} {}", words::side(geometry), shoulder.number),
@@ -77,7 +77,7 @@ fn closed(is_round: bool, mut points: Vec<Option<Point>>) -> Vec<Option<Point>> 
     points
 }
 
-/// One discriminator along each shoulder of `tyre`, all on one scale; empty if all of their taps lack it.
+/// One discriminator along each shoulder of `tyre`, all on one scale; empty if no tap has it.
 pub(crate) fn discriminator(
     evidence: &Evidence,
     tyre: &Tyre,
@@ -130,7 +130,7 @@ fn turns(shoulder: &Shoulder, condition: Condition, which: Discriminator, per_si
         let taps = || here().filter(move |tap| tap.repetition == repetition);
         let value = |found: Discriminators| found.values.get(which);
         let point = |tap: &Tap| tap.found.and_then(value).map(|value| (tap.place, value * per_si));
-        // By location: a second reading has taps at some alone, and its curve does not go on to the next of these.
+        // By location: a second reading has taps only at some, and its curve has gaps between them.
         let of_cell =
             |cell: &&Cell| taps().find(|tap| tap.location == cell.location && !tap.is_closing).and_then(point);
         let closing = taps().filter(|tap| tap.is_closing).map(point);
@@ -168,7 +168,7 @@ pub(crate) fn spans(shoulder: &Shoulder, range: Point) -> Vec<Vec<Point>> {
         };
         let places: Vec<f64> =
             shoulder.cells.iter().filter(|cell| is_inside(cell.location)).map(|cell| cell.place).collect();
-        // The end of a ring is its beginning, so a cell there extends over both.
+        // The end of a ring is its start, so a cell there extends over both.
         let runs = places.chunk_by(|a, b| b - a < 3.0 * half);
         let span = |run: &[f64]| Some((run.first()? - half, run.last()? + half));
         let clamped = |(from, to): Point| (from.clamp(range.0, range.1), to.clamp(range.0, range.1));

@@ -17,8 +17,8 @@ const STEPS: u32 = 64;
 /// Width of a letter in the names of limits.
 const LETTER: f64 = 5.4;
 
-/// The index at the dark end of the scale that all maps of an archive share: equal colours are equal indices. It is the highest index
-/// of the archive, or beyond the reject limits.
+/// The index at the dark end of the scale. All maps of an archive share the scale, so that equal colours are equal
+/// indices. It is the highest index of the archive, or higher than all reject limits.
 pub(crate) fn greatest(evidence: &Evidence) -> f64 {
     let cells = evidence.shoulders().flat_map(|s| s.cells.iter().filter_map(|cell| cell.index));
     let offsets = evidence.shoulders().flat_map(|s| s.offsets.iter().flat_map(|map| map.index.iter().flatten()));
@@ -27,14 +27,14 @@ pub(crate) fn greatest(evidence: &Evidence) -> f64 {
     if greatest > 0.0 { greatest } else { 1.0 }
 }
 
-/// The lowest and the highest index that the curves of all shoulders have room for.
+/// The lowest and the highest index on the axes of all shoulders' curves.
 pub(crate) fn range(evidence: &Evidence) -> (f64, f64) {
     let cells = evidence.shoulders().flat_map(|s| s.cells.iter().filter_map(|cell| cell.index));
     (extent(cells.chain([0.0])).map_or(0.0, |(lowest, _)| lowest), greatest(evidence))
 }
 
-/// Draws the bar from 0 to `greatest` with its top at `top`. The re-inspect limit is above, the reject limit below, so that their
-/// names never overlap.
+/// Draws the bar from 0 to `greatest` with its top at `top`. The re-inspect limit is above, the reject limit below, so
+/// that their names never overlap.
 pub(crate) fn bar(area: &Area<'_>, greatest: f64, limits: Option<Limits>, top: f64) -> Result<()> {
     let bottom = top + 14.0;
     let x_of = |index: f64| LEFT + (RIGHT - LEFT) * (index / greatest).clamp(0.0, 1.0);

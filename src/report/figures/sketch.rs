@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-/// The sketch; `mark` is what marks 0 degrees, `side` from where it is seen.
+/// The sketch; `mark` is what marks 0 degrees, `side` is the side from which it is seen.
 pub(crate) fn casing(mark: &str, side: &str) -> Markup {
     html! {
         svg class="sketch" viewBox="0 0 300 214" role="img" aria-label={ "0 degrees is at " (mark) "; angles run clockwise, seen from " (side) } {

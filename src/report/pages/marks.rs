@@ -1,4 +1,4 @@
-//! What to mark on a casing: the regions of each shoulder, and the reasons of its verdict.
+//! What to mark on a casing: the regions of each shoulder, and the reasons for its verdict.
 
 use maud::{Markup, html};
 use tapline_host::messages::counted;
@@ -14,7 +14,7 @@ use crate::report::pages::words;
 /// Verdict and reasons of every shoulder.
 pub(crate) fn verdicts(geometry: Geometry, tyre: &Tyre) -> Markup {
     let side = words::side(geometry);
-    // Remarks that hold for all are made once.
+    // Remarks that apply to all are made once.
     let reasons = tyre.shoulders.iter().map(|shoulder| shoulder.reasons);
     let common = reasons.reduce(Reasons::intersection).filter(|_| tyre.shoulders.len() > 1).unwrap_or_default();
     let common = common.intersection(Reasons::REMARKS.difference(Reasons::FLAGGED));
@@ -43,19 +43,19 @@ pub(crate) fn verdicts(geometry: Geometry, tyre: &Tyre) -> Markup {
     }
 }
 
-/// What reasons of the verdict leave open: which flags, and how far scatter and level are off.
+/// Details that the reasons do not give: which flags, and how far scatter and level are off.
 fn details(shoulder: &Shoulder) -> impl Iterator<Item = (&'static str, String)> {
     let all = [("Flagged", Reasons::FLAGGED), ("Scatter", Reasons::SCATTER_OFF), ("Level", Reasons::LEVEL_OFF)];
     let given = all.into_iter().filter(|(_, reason)| shoulder.reasons.contains(*reason));
     given.filter_map(|(what, reason)| Some((what, shoulder.whole.detail(&reason.to_string())?)))
 }
 
-/// The taps that a verdict rests on.
+/// The taps that a verdict is based on.
 fn rests_on(shoulder: &Shoulder) -> String {
     let came = shoulder.taps.iter().filter(|tap| tap.found.is_some());
     let second = came.clone().filter(|tap| tap.is_second_reading).count();
     let again = if second > 0 { format!(", {second} of them a second reading") } else { String::new() };
-    format!("Rests on {}{again}.", counted(came.count(), "tap", "taps"))
+    format!("Based on {}{again}.", counted(came.count(), "tap", "taps"))
 }
 
 /// The regions of every shoulder, as a list to take to the casing.
@@ -102,7 +102,7 @@ fn nothing(tyre: &Tyre) -> &'static str {
 fn how(tyre: &Tyre, printed: &ReportConfig) -> String {
     match tyre.is_round() {
         true => format!(
-            "Angles are those of the tapped locations on both shoulders, {}; the damage may reach half a step farther.",
+            "Angles are those of the tapped locations on both shoulders, {}; damage may extend half a step farther.",
             printed.angles()
         ),
         false => "Numbers are those of the tapped locations.".to_owned(),
@@ -113,7 +113,7 @@ fn number(value: Option<f64>) -> String {
     value.map_or_else(|| "none".to_owned(), |value| format!("{value:.2}"))
 }
 
-/// The angle, the way along the tread, and the location there; without angles only the location.
+/// The angle, the distance along the tread, and the location there; without angles only the location.
 fn place(angle_deg: Option<f64>, mm_per_deg: Option<f64>, location: u32) -> Markup {
     html! {
         @match angle_deg {
@@ -143,7 +143,7 @@ fn length(region: &Region, mm_per_deg: Option<f64>) -> Markup {
     }
 }
 
-/// What changes most in a region, against the rest of the shoulder; `None` where nothing is known of either.
+/// What changes most in a region, compared with the rest of the shoulder; `None` if either is unknown.
 fn changes(evidence: &Evidence, tyre: &Tyre, shoulder: &Shoulder, region: &Region) -> Option<String> {
     let changes = condition::changes(&evidence.config.fuse, shoulder, tyre.condition?, region.region);
     let word = |&(which, ratio): &(Discriminator, f64)| {
@@ -173,7 +173,7 @@ fn offset(region: &Region) -> Markup {
     }
 }
 
-/// Severity of a region: by how much its strongest arc exceeds the limits, and how probable that is on a sound
+/// Severity of a region: how far its strongest arc exceeds the limits, and how probable that is on a sound
 /// shoulder.
 fn severity(shoulder: &Shoulder, region: &Region) -> String {
     let (Some(arc), Some(limits)) = (region.region_index, shoulder.limits) else { return "unknown".to_owned() };

@@ -10,7 +10,7 @@ use crate::report::evidence::{Evidence, Shoulder, Tap, flags};
 use crate::report::pages::paper::Paper;
 use crate::report::pages::words;
 
-/// What a shoulder has that was compared with its own casing although there is another reference.
+/// The reasons of a shoulder that was compared with its own casing although there is another reference.
 const BY_ITS_CASING: Reasons = Reasons::SCATTER_OFF.union(Reasons::SELF_REFERENCE);
 
 /// A page called `title`, which needs no other file.
@@ -91,7 +91,7 @@ fn light(verdict: Verdict) -> Markup {
     }
 }
 
-/// What the page lacks, for its top; empty if it lacks nothing.
+/// What is missing from the page, for its top; empty if nothing is.
 pub(crate) fn notices(evidence: &Evidence, shoulders: &[(String, &Shoulder)]) -> Markup {
     let planned: usize = shoulders.iter().map(|(_, shoulder)| shoulder.taps.len()).sum();
     let count = |state| shoulders.iter().map(|(_, shoulder)| shoulder.count(state)).sum::<usize>();
@@ -104,12 +104,12 @@ pub(crate) fn notices(evidence: &Evidence, shoulders: &[(String, &Shoulder)]) ->
     let shown = &open[..open.len().min(8)];
     html! {
         div class="notice" role="note" {
-            p { strong { "Incomplete." } " What follows rests on what is there." }
+            p { strong { "Incomplete." } " What follows is based on what is there." }
             @if missing > 0 { p { (missing) " of " (counted(planned, "planned tap is", "planned taps are")) " missing." } }
             @if refused > 0 { p { (refused) " of " (counted(planned, "planned tap was", "planned taps were")) " refused; the reasons are below." } }
             @if !open.is_empty() {
                 p {
-                    "Without limits or without verdict, which counts as RE-INSPECT: " (shown.join(", "))
+                    "No limits or no verdict, which counts as RE-INSPECT: " (shown.join(", "))
                     @if open.len() > shown.len() { " and " (open.len() - shown.len()) " more" } "."
                 }
             }
@@ -145,12 +145,12 @@ pub(crate) fn ledger(shoulders: &[(String, &Shoulder)], refusals: &[(String, usi
         } }
         @if !refusals.is_empty() {
             div class="scroll" { table {
-                thead { tr { th { "reason of refusal" } th class="n" { "taps" } } }
+                thead { tr { th { "reason for refusal" } th class="n" { "taps" } } }
                 tbody { @for (reason, count) in refusals { tr { td { (reason) } td class="n" { (count) } } } }
             } }
         }
         @if flags.is_empty() {
-            p { "No archived tap carries a flag of doubt." }
+            p { "No archived tap has a quality flag." }
         } @else {
             div class="scroll" { table {
                 thead { tr { th { "flag" } th { "what it means for a tap" } th class="n" { "taps" } } }
@@ -162,7 +162,7 @@ pub(crate) fn ledger(shoulders: &[(String, &Shoulder)], refusals: &[(String, usi
     }
 }
 
-/// Who made the scan, by what, and what its verdicts rest on: rows of the list at the top.
+/// Who made the scan, with what, and what its verdicts are based on: rows of the list at the top.
 pub(crate) fn made_by(evidence: &Evidence) -> Markup {
     let printed = &evidence.config.report;
     let recording = &evidence.recording;
@@ -185,9 +185,9 @@ pub(crate) fn made_by(evidence: &Evidence) -> Markup {
                 }
             }
         }
-        dt { "Rests on" } dd {
+        dt { "Based on" } dd {
             @match (&evidence.config.fuse.reference, &evidence.reference) {
-                (Some(Reference::Own), _) => "itself alone: damage all round would not show",
+                (Some(Reference::Own), _) => "only itself: damage all round would not show",
                 (Some(reference), Some(set)) => {
                     (reference) ", " (counted(set.summary.casing_count, "casing", "casings")) " taken to be sound"
                     @if !set.summary.standing_out.is_empty() {
@@ -199,13 +199,13 @@ pub(crate) fn made_by(evidence: &Evidence) -> Markup {
                     }
                 }
                 (Some(reference), None) => (reference),
-                (None, _) => "nothing that is named",
+                (None, _) => "no named reference",
             }
             @let by_itself = evidence.shoulders().filter(|shoulder| shoulder.reasons.contains(BY_ITS_CASING)).count();
-            @if by_itself > 0 { "; but " (counted(by_itself, "shoulder was", "shoulders were")) " compared with the casing itself, for scatter_off" }
+            @if by_itself > 0 { "; but " (counted(by_itself, "shoulder was", "shoulders were")) " compared with the casing itself, because of scatter_off" }
             @match (printed.a90_95_mm, &printed.a90_95_source) {
-                (Some(mm), Some(source)) => { ". Of cracks of " (number(mm)) " mm and more, 90 % are found, with 95 % confidence (" (source) ")" }
-                _ => { ". The smallest crack that is surely found is not known here (" code { "tapline-lab pod" } " tells it)" }
+                (Some(mm), Some(source)) => { ". Of cracks of " (number(mm)) " mm or longer, 90 % are found, with 95 % confidence (" (source) ")" }
+                _ => { ". The smallest crack that is reliably found is not known (" code { "tapline-lab pod" } " estimates it)" }
             }
             "."
         }
@@ -230,29 +230,29 @@ pub(crate) fn lineage(evidence: &Evidence) -> Markup {
     let channels: Vec<&str> = recording.channels.iter().map(|channel| channel.name()).collect();
     html! {
         dl {
-            dt { "Archive" } dd { (evidence.archive) @if evidence.others > 0 { ", " (evidence.others + 1) " archives; what follows is of the first" } }
+            dt { "Archive" } dd { (evidence.archive) @if evidence.others > 0 { ", " (evidence.others + 1) " archives; what follows describes the first" } }
             dt { "Plan digest" } dd { code { (format!("{:016x}", evidence.plan_digest)) } }
             @if evidence.source_digest != 0 { dt { "Source digest" } dd { code { (format!("{:016x}", evidence.source_digest)) } } }
             dt { "Taps from" } dd { (evidence.source.map_or("unknown", |source| source.name())) }
-            dt { "Recorded" } dd { (channels.join(" and ")) " at " (recording.sample_rate_hz) " Hz, up to " (recording.sample_count_max) " samples a channel, " (recording.pre_trigger_samples) " before the trigger" }
+            dt { "Recorded" } dd { (channels.join(" and ")) " at " (recording.sample_rate_hz) " Hz, up to " (recording.sample_count_max) " samples per channel, " (recording.pre_trigger_samples) " before the trigger" }
             dt { "Program" } dd { "archive by tapline " (evidence.written_by.as_deref().unwrap_or("(unknown)")) ", report by tapline " (env!("CARGO_PKG_VERSION")) }
             dt { "Compared with" } dd {
                 @match &evidence.config.fuse.reference {
                     Some(Reference::Own) => "self (each tyre with itself)",
                     Some(reference) => (reference),
-                    None => "nothing that is named",
+                    None => "no named reference",
                 }
                 @if let Some(digest) = &evidence.reference_digest { ", kept in the archive, digest " code { (digest) } }
             }
             @if let Some([re_inspect, reject]) = evidence.shoulders().find_map(|shoulder| shoulder.rates) {
-                dt { "False calls" } dd { "the limits are set for " (percent(re_inspect)) " % of sound shoulders not passed and " (percent(reject)) " % rejected" }
+                dt { "False calls" } dd { "the limits are set so that " (percent(re_inspect)) " % of sound shoulders do not pass and " (percent(reject)) " % are rejected" }
             }
         }
-        details { summary { "Configuration, as the archive has it" } pre { (evidence.config_toml) } }
+        details { summary { "Configuration in the archive" } pre { (evidence.config_toml) } }
     }
 }
 
-/// First and last time of `taps`, as text. Recordings from elsewhere have no time; theirs is the epoch.
+/// First and last time of `taps`, as text. A recording from elsewhere has no time: it has the epoch instead.
 pub(crate) fn when<'a>(taps: impl Iterator<Item = &'a Tap>) -> String {
     between(taps.filter_map(|tap| tap.time_ns))
 }
@@ -272,7 +272,7 @@ fn between(times_ns: impl Iterator<Item = i64>) -> String {
 mod tests {
     use super::*;
 
-    /// Catches a shift that seems to have begun in 1970, as some of its recordings have no time.
+    /// Catches a shift that seems to have begun in 1970 because some of its recordings have no time.
     #[test]
     fn unknown_times_are_no_times() {
         let (one, two) = (1_767_225_600_000_000_000, 1_767_225_640_000_000_000);

@@ -1,4 +1,4 @@
-//! What a page has when it is printed and signed: running lines, and room for a decision.
+//! What a page needs when it is printed and signed: headers and footers, and room for a decision.
 
 use maud::{Markup, html};
 
@@ -26,7 +26,7 @@ impl Paper {
     }
 }
 
-/// `text` as a string of CSS, in which nothing ends the string or the style sheet.
+/// `text` as a CSS string, in which nothing can end the string or the style sheet.
 fn css_text(text: &str) -> String {
     let plain = |c: char| match c {
         c if c.is_alphanumeric() || " .,:-()/".contains(c) => c.to_string(),
@@ -35,7 +35,7 @@ fn css_text(text: &str) -> String {
     format!("\"{}\"", text.chars().map(plain).collect::<String>())
 }
 
-/// Room for the decision of a person.
+/// Room for a person's decision.
 pub(crate) fn signature(operator: Option<&str>) -> Markup {
     html! {
         section class="sign" {
@@ -55,7 +55,7 @@ pub(crate) fn signature(operator: Option<&str>) -> Markup {
 mod tests {
     use super::*;
 
-    /// Catches a serial that ends the style sheet, or the string that it stands in.
+    /// Catches a serial that ends the style sheet, or the string that it is in.
     #[test]
     fn no_text_leaves_its_string() {
         assert_eq!(css_text("A-17"), "\"A-17\"");

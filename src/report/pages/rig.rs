@@ -1,4 +1,4 @@
-//! The rigs of a shift: what the casings of a station have in common speaks of its rig.
+//! The rigs of a shift: what the casings of a station have in common points to its rig.
 
 use std::collections::BTreeMap;
 
@@ -18,7 +18,7 @@ const STATIONS_MOST: usize = 8;
 
 /// The rigs of a shift.
 pub(crate) struct RigsOfShift<'a> {
-    /// The casings of each station, in the order in which they were tapped, with what holds for them as a whole.
+    /// The casings of each station, in the order of tapping, with the properties of each as a whole.
     stations: BTreeMap<u16, Vec<(&'a Tyre, Whole)>>,
     signs_of_stations: Vec<StationSign>,
 }
@@ -48,19 +48,19 @@ impl<'a> RigsOfShift<'a> {
         Self { stations, signs_of_stations }
     }
 
-    /// What should be looked at, for the top of the page; nothing if that is nothing.
+    /// What should be checked, for the top of the page; empty if there is nothing to check.
     pub(crate) fn notice(&self) -> Markup {
         html! {
             @if !self.signs_of_stations.is_empty() {
                 div class="notice" role="note" {
-                    p { strong { "Casings have in common what speaks of the rig." } " Before their verdicts are used, " (ASKS) "." }
+                    p { strong { "Several casings show signs that the rig has changed." } " Before you use their verdicts, " (ASKS) "." }
                     @for sign in &self.signs_of_stations { p { "At " (sign) "." } }
                 }
             }
         }
     }
 
-    /// Level and scatter of each station over the shift; nothing where a few casings tell nothing.
+    /// Level and scatter of each station over the shift; empty if there are too few casings.
     pub(crate) fn section(&self, evidence: &Evidence) -> Result<Markup> {
         let has_sign = |station: u16| self.signs_of_stations.iter().any(|sign| sign.station == station);
         let mut order: Vec<(&u16, &Vec<(&Tyre, Whole)>)> = self.stations.iter().collect();
@@ -84,9 +84,9 @@ impl<'a> RigsOfShift<'a> {
             return Ok(html! {});
         }
         let what = html! {
-            strong { "What each rig measured beside the reference, casing by casing." }
-            " Level is the median around a " (words::side(evidence.geometry)) ", scatter how far its places differ. A rig that has not changed stays near 1. F_max and τ speak of the force sensor and the impactor, A₁ and PR of the microphone. Shaded casings have the reason level_off or scatter_off."
-            @if self.stations.len() > drawn { " Drawn are " (drawn) " of " (self.stations.len()) " stations." }
+            strong { "What each rig measured relative to the reference, casing by casing." }
+            " Level is the median around a " (words::side(evidence.geometry)) ", scatter how far its locations differ. A rig that has not changed stays near 1. F_max and τ depend on the force sensor and the impactor, A₁ and PR on the microphone. Shaded casings have the reason level_off or scatter_off."
+            @if self.stations.len() > drawn { " Shown: " (drawn) " of " (self.stations.len()) " stations." }
         };
         Ok(html! { section { h2 { "Rigs" } (figure(pictures, &what)) } })
     }

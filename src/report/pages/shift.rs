@@ -34,14 +34,14 @@ pub(crate) struct Shift {
 }
 
 impl Shift {
-    /// Collects what `evidence` lacks from its archive, behind `reader`.
+    /// Collects what is not in `evidence` from its archive, behind `reader`.
     pub(crate) fn look_at(&mut self, reader: &Reader, evidence: &Evidence) -> Result<()> {
         let refusals = reader.refusals()?;
         for refusal in refusals {
             *self.refusals.entry(refusal.reason).or_default() += 1;
         }
         if evidence.has_truth {
-            // The score that the run prints at its end. A configuration that does not fit the plan has none.
+            // The score that a run prints at its end. There is none if the configuration does not fit the plan.
             let records: Vec<_> = evidence.tyres.iter().flat_map(Tyre::taps).filter_map(|tap| tap.found).collect();
             let fusion = Fusion::by(&evidence.config.fuse, reader.plan(), evidence.reference.clone());
             let added = fusion.and_then(|fusion| self.scores.add(fusion, &records));
@@ -63,7 +63,7 @@ impl Shift {
         }
     }
 
-    /// The page, called `title`, or after the archive if that is empty; `None` if there is nothing to show.
+    /// The page, called `title`, or named after the archive if that is empty; `None` if there is nothing to show.
     pub(crate) fn page(self, title: String, shift: Option<&str>) -> Result<Option<String>> {
         let Some(mut evidence) = self.evidence else { return Ok(None) };
         if !title.is_empty() {
@@ -147,7 +147,7 @@ fn overview(evidence: &Evidence, order: &[(&Tyre, &String)]) -> Markup {
             } }
             tbody { @for (tyre, name) in order { tr {
                 td class="tyre" data-label=(body(geometry)) { a href=(name) { (tyre.serial) }
-                    // A serial number that came again: its pages are told apart by their names.
+                    // A serial number that came again: the names of its pages distinguish them.
                     @if order.iter().filter(|(other, _)| other.serial == tyre.serial).count() > 1 {
                         span class="at" { (name.trim_end_matches(".html")) }
                     }
@@ -174,8 +174,8 @@ fn indices(evidence: &Evidence, order: &[(&Tyre, &String)]) -> Result<Markup> {
     }
     let what = html! {
         strong { "The damage index along every " (side(geometry)) ", all on one scale, with the limits of the verdicts." }
-        " " (LIMITS) " Gaps are locations without value."
-        @if order.len() > DRAWN_MOST { " Drawn are the " (DRAWN_MOST) " worst of " (order.len()) "." }
+        " " (LIMITS) " Gaps are locations without a value."
+        @if order.len() > DRAWN_MOST { " Shown: the " (DRAWN_MOST) " worst of " (order.len()) "." }
     };
     Ok(html! { section { h2 { "Damage index" } (figure(pictures, &what)) } })
 }
@@ -188,10 +188,10 @@ fn truth(evidence: &Evidence, score: Option<Score>) -> Result<Markup> {
     let number = |value: Option<f64>| value.map_or_else(|| "none".to_owned(), |value| format!("{value:.4}"));
     Ok(html! {
         section {
-            h2 { "Against the truth" }
-            (small_figure(pictures, &boxes_words("all that was scanned", "at the offset and velocity that show most on each tyre's own page")))
+            h2 { "Compared with the truth" }
+            (small_figure(pictures, &boxes_words("the whole shift", "at the offset and velocity that are drawn on each tyre's page")))
             @if let Some(score) = score {
-                p { "All taps together, every offset and velocity standardised by itself: AUC of the index " (number(score.index)) " over " (score.cracked_count) " cracked and " (score.sound_count) " sound locations; alone "
+                p { "All taps together, each offset and velocity standardised separately: AUC of the index " (number(score.index)) " over " (score.cracked_count) " cracked and " (score.sound_count) " sound locations; each alone: "
                     @for (order, (which, alone)) in Discriminator::ALL.into_iter().zip(score.discriminators).enumerate() {
                         @if order > 0 { ", " } (which.printed()) " " (number(alone))
                     } "." }

@@ -58,7 +58,7 @@ pub(crate) fn page(reader: &Reader, evidence: &Evidence, tyre: &Tyre) -> Result<
     Ok(page::page(&title, &paper, &body))
 }
 
-/// The reasons of refusals of taps of `tyre`, with their counts, the most frequent first.
+/// The reasons why taps of `tyre` were refused, with their counts, the most frequent first.
 fn refusals(reader: &Reader, tyre: &Tyre) -> Result<Vec<(String, usize)>> {
     let refusals = reader.refusals()?;
     Ok(counted(refusals.iter().filter(|refusal| refusal.id.tyre == tyre.serial).map(|refusal| refusal.reason.as_str())))
@@ -94,27 +94,27 @@ fn maps(evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
         tyre.shoulders.first().map_or(&[][..], |s| &s.offsets).iter().map(|map| map.offset_mm.to_string()).collect();
     let what = html! {
         strong { "Damage index, location by location." }
-        " Dark is damage; grey is a location without value. "
+        " Dark is damage; grey is a location without a value. "
         (match tyre.is_round() {
             true => "Angles run clockwise from the start mark at the top; ",
             false => "Locations run from left to right; ",
         })
-        "the vermilion bar beside the map is a region, with its number"
-        @if evidence.has_truth { "; the black line is a crack that is known to be there" }
+        "a vermilion bar beside the map is a region, with its number"
+        @if evidence.has_truth { "; a black line is a known crack" }
         ". "
         @if !offsets.is_empty() {
             (match tyre.is_round() {
-                true => "The outer ring takes all taps together; within it, from outside, lie the offsets ",
-                false => "The upper strip takes all taps together; below it lie the offsets ",
+                true => "The outer ring combines all taps; inside it, from the outside in, are the offsets ",
+                false => "The upper strip combines all taps; below it are the offsets ",
             })
-            (offsets.join(", ")) " mm from the belt edge, each judged by itself: a crack lies where its "
+            (offsets.join(", ")) " mm from the belt edge, each judged by itself: a crack is where its "
             (if tyre.is_round() { "ring" } else { "strip" }) " is darkest. "
         }
-        "The index counts how far a location stands out of the reference; on the scale below, the triangles are the limits."
+        "The index says how far a location stands out from the reference; the triangles on the scale below are the limits."
     };
     let how = html! {
         strong { "The index along the " (side(geometry)) ", with the limits of the verdict." }
-        " " (LIMITS) " Gaps are locations without value. Shaded: the regions."
+        " " (LIMITS) " Gaps are locations without a value. Shaded: the regions."
     };
     Ok(html! {
         section { h2 { "Damage map" } (figure(maps, &what)) }
@@ -141,7 +141,7 @@ fn discriminators(evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
     let falling = if falling.is_empty() { "nothing".to_owned() } else { falling.join(", ") };
     let what = html! {
         strong { "The discriminators along the " (side(evidence.geometry)) ", repetition by repetition (" (condition.words()) ")." }
-        " " (shown.join(", ")) ". Over a crack " (falling) " falls and the others rise; where the two curves agree and leave their level together, it is the casing and not chance. Shaded: the regions. Gaps are values that a record did not give, or places that a second reading left out."
+        " " (shown.join(", ")) ". Over a crack " (falling) " falls and the others rise; where the two curves leave their level together, it is the casing and not chance. Shaded: the regions. Gaps are values that a record did not give, or locations that were not tapped a second time."
         @if !absent.is_empty() { " Absent from every record: " (absent.join(", ")) "." }
     };
     Ok(html! { section { h2 { "Discriminators" } (figure(pictures, &what)) } })
@@ -160,9 +160,9 @@ fn scans(reader: &Reader, evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
         pictures.push(bscan::svg(title, shoulder, spectra, loudest_db)?);
     }
     let what = html! {
-        strong { "B-scan: the sound's power density by location and frequency (" (condition.words()) ", first repetition)." }
+        strong { "B-scan: power density of the sound by location and frequency (" (condition.words()) ", first repetition)." }
         " Dark is loud, in dB re 1 " (evidence.recording.calibration.unit(Channel::Sound).name()) "²/Hz; pale is " (bscan::DEPTH_DB) " dB or more below the loudest. Cracks show as dark columns; the vermilion bars on top are the regions. Grey: no tap. "
-        "Offset and velocity are those under which the regions stand out the farthest or, without regions, the fastest next to the belt edge."
+        "Offset and velocity are those at which the regions stand out most; without regions, the highest velocity at the offset nearest the belt edge."
     };
     Ok(html! { section { h2 { "Spectra" } (figure(pictures, &what)) } })
 }
@@ -172,7 +172,7 @@ fn pair(reader: &Reader, evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
     let Some(pair) = taps::pair(reader, evidence.geometry, tyre, condition)? else { return Ok(html! {}) };
     let what = html! {
         strong { "Two taps of " (pair.words) " (" (condition.words()) ")." }
-        " Over a crack the impactor is held longer and softer, and the thin layer above the crack rings: compare the width of the force and the size of the sound after it. The ordinary location is the one whose index is the median of those without damage."
+        " Over a crack the contact is longer and softer, and the thin layer above the crack rings: compare the width of the force pulse and the size of the sound after it. The ordinary location is the one whose index is the median of those without damage."
     };
     Ok(html! { section { h2 { "Force and sound" } (figure(pair.pictures, &what)) } })
 }
@@ -183,15 +183,15 @@ fn truth(evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
         return Ok(html! {});
     }
     Ok(
-        html! { section { h2 { "Against the truth" } (small_figure(pictures, &boxes_words(&format!("this {}", body(evidence.geometry).to_lowercase()), "under the conditions drawn above"))) } },
+        html! { section { h2 { "Compared with the truth" } (small_figure(pictures, &boxes_words(&format!("this {}", body(evidence.geometry).to_lowercase()), "under the conditions drawn above"))) } },
     )
 }
 
 /// Caption of the boxplots of `whom`.
 pub(crate) fn boxes_words(whom: &str, conditions: &str) -> Markup {
     html! {
-        strong { "Locations of " (whom) " that are known to be cracked, against those known to be sound." }
-        " A box holds the middle half of the locations, with their median; whiskers reach the farthest values within 1.5 heights of the box, and rings are values beyond. Values are means over repetitions " (conditions) "; the index is that of all taps."
+        strong { "Locations of " (whom) " that are known to be cracked, compared with those known to be sound." }
+        " A box is the middle half of the locations, with their median; whiskers reach the farthest values within 1.5 heights of the box, and rings are values beyond. Values are means over repetitions " (conditions) "; the index is that of all taps."
     }
 }
 

@@ -1,9 +1,9 @@
-//! Names of verdicts, reasons, flags and quantities on the pages, as the shop floor calls them.
+//! Words for verdicts, reasons and what was tapped on the pages, as the shop floor uses them.
 
 use tapline_wire::{Geometry, Reasons, Verdict};
 
-/// What the limits are of, beside a curve of the index.
-pub(crate) const LIMITS: &str = "The dotted lines are the limits of the strongest arc: black to reject, orange to re-inspect. The index takes a \
+/// What the limits apply to, for the captions of curves of the index.
+pub(crate) const LIMITS: &str = "The dotted lines are the limits for the strongest arc: black to reject, orange to re-inspect. The index combines a \
      location with its two neighbours, so a longer arc may reach a limit that no location reaches.";
 
 /// What one scan covers.
@@ -22,7 +22,7 @@ pub(crate) fn body(geometry: Geometry) -> &'static str {
     }
 }
 
-/// What `reasons` mean, in the words for what was tapped.
+/// What `reasons` mean, in words that suit what was tapped.
 pub(crate) fn reasons(geometry: Geometry, reasons: Reasons) -> String {
     let meaning = reasons.meaning();
     match geometry {
@@ -40,7 +40,7 @@ pub(crate) fn reasons(geometry: Geometry, reasons: Reasons) -> String {
 /// What a verdict means, in a sentence.
 pub(crate) fn verdict(verdict: Verdict) -> &'static str {
     match verdict {
-        Verdict::Pass => "No damage was found, and every planned tap was there to find it.",
+        Verdict::Pass => "No damage was found, and every planned tap was available.",
         Verdict::ReInspect => "Something is doubtful or missing: a person must look, or the scan must be repeated.",
         Verdict::Reject => "Damage was found. Mark the regions below.",
     }

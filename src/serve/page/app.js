@@ -1,10 +1,10 @@
-// The page of a running line: it shows each status that the line sends, and that none comes any more.
+// The page of a running line: it shows each status that the line sends, and shows when no more come.
 'use strict';
 (() => {
-  // The line shows itself every second.
+  // The line sends its status every second.
   const SILENT_AFTER_MS = 3000;
   const RECONNECT_MS = 2000;
-  // A verdict is on its station's light for so long, unless a casing comes; later it is in the list.
+  // A verdict stays on its station's light for so long, unless a casing comes; after that it is only in the list.
   const LIT_MS = 10 * 60 * 1000;
   const ALARM_NEW_MS = 10 * 60 * 1000;
   const STATES = {
@@ -18,7 +18,7 @@
   let receivedAt = 0;
   let isLive = false;
   let lostSince = new Date();
-  let lostWhy = 'There is no connection to the line';
+  let lostWhy = 'No connection to the line';
   let toldNs = null;
 
   function make(name, attributes = {}, ...children) {
@@ -33,7 +33,7 @@
     if (text !== undefined) node.textContent = text;
     return node;
   }
-  // What has not changed is left alone: screen readers and the focus stay where they are.
+  // What has not changed is left as it is, so that screen readers and the focus stay where they are.
   function put(node, text) {
     if (node.textContent !== text) node.textContent = text;
   }
@@ -46,7 +46,7 @@
     node.replaceChildren(...build());
   }
 
-  // A shape, and a sign in it, for each state: colour alone tells nothing.
+  // A shape with a sign in it for each state, so that nothing depends on colour only.
   function sign(state) {
     const svg = draw('svg', { viewBox: '0 0 48 48', 'aria-hidden': 'true' });
     const shape = {
@@ -75,7 +75,7 @@
 
   const kindOf = (verdict) => verdict.toLowerCase();
   const moment = (ns) => new Date(ns / 1e6).toLocaleTimeString([], { hour: '2-digit', minute: '2-digit', second: '2-digit' });
-  // By the clock of the line, which the browser's may differ from.
+  // By the clock of the line; the browser's clock may differ.
   const ageMs = (ns) => status.at_ns / 1e6 + (performance.now() - receivedAt) - ns / 1e6;
   function ago(ns) {
     const s = Math.max(0, Math.round(ageMs(ns) / 1000));
@@ -91,7 +91,7 @@
     // The outermost locations, as in the report; the arc is drawn half a step farther.
     return to - from >= 359.9 ? 'all round' : `${degrees(arc.start_deg)} to ${degrees(arc.end_deg)}`;
   }
-  // Half way to the neighbours of the first and of the last location.
+  // Halfway to the neighbours of the first and the last location.
   function ends(arc) {
     const span = (((arc.end_deg - arc.start_deg) % 360) + 360) % 360;
     const half = Math.max(0, ((arc.extent_deg ?? span) - span) / 2);
@@ -114,14 +114,14 @@
     const large = end - from > 180 ? 1 : 0;
     return `M${at(high, from)} A${high} ${high} 0 ${large} 1 ${at(high, end)} L${at(low, end)} A${low} ${low} 0 ${large} 0 ${at(low, from)} Z`;
   }
-  // Where damage lies along a row of places without angles; a row may be a ring, and the damage at its seam.
+  // Where damage is along a row of places without angles. The row may be a ring, with damage across its seam.
   function strips(arc, count) {
     const [first, last] = [arc.first_location, arc.last_location];
     const runs = first <= last ? [[first, last]] : [[first, count - 1], [0, last]];
     const x = (place) => (5 + (250 / count) * place).toFixed(2);
     return runs.filter(([, to]) => to < count).map(([from, to]) => draw('path', { class: 'arc', d: `M${x(from)} 74 H${x(to + 1)}` }));
   }
-  // The range of each location: half way to its neighbours, and at most half of the usual step, so that what is not scanned
+  // The range of each location: halfway to its neighbours, but at most half the usual step, so that what is not scanned
   // stays empty.
   function sectors(angles) {
     const order = angles.map((deg, place) => [deg, place]).sort((a, b) => a[0] - b[0]);
@@ -189,7 +189,7 @@
       if (arc.start_deg === null) return [];
       const [from, to] = ends(arc);
       const peak = arc.peak_deg ?? (from + to) / 2;
-      // Words are wider than high.
+      // Text is wider than it is high.
       const [x, y] = at(112 + 20 * Math.abs(Math.sin((peak * Math.PI) / 180)), peak).split(' ');
       return [
         draw('path', { class: 'arc', d: sweep(99, from, to), 'data-from': from.toFixed(1), 'data-to': to.toFixed(1), 'data-peak': peak.toFixed(1) }),
@@ -213,7 +213,7 @@
     return parts;
   }
 
-  // What a station's light shows: the casing that is there, or the verdict on the one that just was.
+  // What a station's light shows: the casing that is there, or the verdict on the last one.
   function stateOf(station) {
     if (!isLive) return { state: 'unknown' };
     const { casing, last } = station;
@@ -241,7 +241,7 @@
     const settled = casing ? casing.archived + casing.refused : 0;
     put(parts.note, verdict ? ago(verdict.at_ns) : casing ? `${settled} of ${casing.planned} taps` : '\u00a0');
 
-    // Without news the last picture stays, greyed.
+    // Without a new status the last picture stays, greyed.
     const shown = casing ?? (isLive ? null : station.casing ?? station.last);
     const shoulders = shown ? shown.shoulders : [];
     const layout = JSON.stringify(shoulders.map((of) => [of.tyre, of.shoulder, of.locations.length, of.angles_deg]));
@@ -265,9 +265,9 @@
     const waits = isLive && station.waits_for && !station.waits_for.startsWith('nothing') ? `Waits for ${station.waits_for}` : '';
     put(parts.waits, waits);
     const before = isLive && !verdict ? verdictOf(station) : undefined;
-    keyed(parts.before, before ? before.casing + before.at_ns : '', () => (before ? ['Before: ', sign(kindOf(before.verdict)), ` ${before.casing} ${before.verdict}, at ${moment(before.at_ns)}`] : []));
+    keyed(parts.before, before ? before.casing + before.at_ns : '', () => (before ? ['Previous: ', sign(kindOf(before.verdict)), ` ${before.casing} ${before.verdict}, at ${moment(before.at_ns)}`] : []));
     const due = station.is_calibration_out_of_date
-      ? [`▲ The calibration of ${station.calibrated_on ?? 'this station'} is not known to hold on the day of the last casing`] : [];
+      ? [`▲ The calibration of ${station.calibrated_on ?? 'this station'} is not known to be valid on the day of the last casing`] : [];
     const signs = station.signs.map((of) => `▲ Check the rig: ${of.name} on ${of.count} casings, ${of.first} to ${of.last}${of.detail ? `: ${of.detail}` : ''}`);
     keyed(parts.due, JSON.stringify([due, signs]), () => [...due, ...signs].map((text) => make('p', {}, text)));
     return parts.article;
@@ -301,7 +301,7 @@
   function showBanner() {
     const lines = [];
     if (!isLive) {
-      lines.push(['lost', `✖ ${lostWhy} since ${lostSince.toLocaleTimeString()}. No verdict is known; what is below is old.`]);
+      lines.push(['lost', `✖ ${lostWhy} since ${lostSince.toLocaleTimeString()}. No verdict is known; everything below is old.`]);
     } else {
       status.troubles.forEach((trouble) => lines.push(['trouble', `▲ ${trouble}`]));
       const [alarm] = status.alarms;
@@ -330,7 +330,7 @@
     keyed(byId('numbers'), JSON.stringify(numbers), () => numbers.map(([name, value]) => make('div', {}, make('dt', {}, name), make('dd', {}, String(value)))));
   }
 
-  // Verdicts that fell since the page was opened are read out, the oldest first.
+  // Verdicts since the page was opened are read out, the oldest first.
   function announce() {
     const fresh = toldNs === null ? [] : status.verdicts.filter((verdict) => verdict.at_ns > toldNs).reverse();
     toldNs = Math.max(toldNs ?? 0, ...status.verdicts.map((verdict) => verdict.at_ns));
@@ -380,8 +380,8 @@
       show();
     };
     source.onerror = async () => {
-      lose('There is no connection to the line');
-      // The browser tries again by itself, unless it was refused.
+      lose('No connection to the line');
+      // The browser reconnects by itself, unless it was refused.
       if (source.readyState !== EventSource.CLOSED) return;
       const answer = await fetch('/healthz').catch(() => null);
       if (answer?.status === 401) {
@@ -393,7 +393,7 @@
   }
 
   setInterval(() => {
-    if (isLive && performance.now() - receivedAt > SILENT_AFTER_MS) lose('The line shows nothing');
+    if (isLive && performance.now() - receivedAt > SILENT_AFTER_MS) lose('Nothing from the line');
     else if (status) show();
   }, 1000);
   setTimeout(() => { if (!status) show(); }, SILENT_AFTER_MS);

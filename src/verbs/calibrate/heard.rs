@@ -1,4 +1,4 @@
-//! Calibrations that are heard: the station's sound card records what is known.
+//! Calibrations by listening: the station's sound card records something known.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, sync_channel};
@@ -16,18 +16,18 @@ use crate::config::Config;
 use crate::verbs::calibrate::Found;
 use crate::verbs::monitor::device_of;
 
-/// Largest standard deviation of blows that are a calibration, as part of the scale.
+/// Largest standard deviation of blows that still give a calibration, as a fraction of the scale.
 const SPREAD_MAX: f64 = 0.05;
 
-/// Most that a tone may have beside itself, as part of the whole, and most that its level may change.
+/// Largest part of the sound that may not be the tone, and largest change of the tone's level.
 const REST_MAX: f64 = 0.1;
 const DRIFT_MAX: f64 = 0.02;
 
-/// Peak from which a channel counts as clipped, and below which too few bits tell it, as parts of full scale.
+/// Peak from which a channel counts as clipped, and below which it has too few bits, as parts of full scale.
 const CLIPPED: f64 = 0.98;
 const PEAK_MIN: f64 = 0.01;
 
-/// Flags that make a blow no measure of the force.
+/// Flags with which a blow does not measure the force.
 const SPOILT: Quality = Quality::DOUBLE_HIT
     .union(Quality::SPIKE)
     .union(Quality::DROPOUT)
@@ -53,7 +53,7 @@ impl Listening {
         );
         let (config, _) = Config::read(&heard.config)?;
         let (number, device) = device_of(&config.station, heard.station)?;
-        // Parts of full scale are to be heard, whatever was known before.
+        // Samples must be parts of full scale, despite any earlier calibration.
         let capture = CaptureConfig { calibration: Default::default(), ..config.capture.clone() };
         let (wake, woken) = sync_channel(1);
         let monitor =
@@ -69,7 +69,7 @@ impl Listening {
         Found { unit, full_scale, full_scale_v, method, sensitivity_mv_per_unit: None, gain: None }
     }
 
-    /// What came of the device, for people who wonder why it was not enough.
+    /// What came from the device, for people who wonder why it was not enough.
     fn heard(&self) -> String {
         let capture = &self.config.capture;
         let [force, sound] = self.monitor.latest((capture.buffer_s * f64::from(capture.sample_rate_hz)) as usize);
@@ -93,7 +93,7 @@ impl Listening {
         )
     }
 
-    /// Waits a moment, unless patience is at an end.
+    /// Waits a moment; an error if patience is at an end.
     fn wait(&self, for_what: &str) -> Result<()> {
         if Instant::now() >= self.until {
             let fault = self.monitor.fault().unwrap_or_else(|| self.heard());
@@ -105,7 +105,7 @@ impl Listening {
     }
 }
 
-/// The scale of the force by blows whose peaks another sensor told.
+/// The scale of the force by blows whose peaks another sensor reported.
 pub(super) fn blows(known_n: &[f64], count: usize, heard: &HeardArgs) -> Result<Found> {
     let bad = known_n.iter().find(|n| !(**n > 0.0 && **n <= 1e6));
     ensure!(bad.is_none(), "--known-n is {}; it must be above 0 and at most 1000000", bad.copied().unwrap_or_default());
@@ -148,10 +148,10 @@ pub(super) fn blows(known_n: &[f64], count: usize, heard: &HeardArgs) -> Result<
             None => print_line(&format!("not counted, strike again: the force has no peak, flags {}", found.quality)),
         }
     }
-    let Some(found) = of_blows(&peaks, &known_n) else { bail!("the blows tell no scale") };
+    let Some(found) = of_blows(&peaks, &known_n) else { bail!("the blows give no scale") };
     ensure!(
         found.spread <= SPREAD_MAX,
-        "the scale differs from blow to blow by {:.1} % (standard deviation); at most {:.0} % is a calibration",
+        "the scale differs from blow to blow by {:.1} % (standard deviation); at most {:.0} % is allowed",
         100.0 * found.spread,
         100.0 * SPREAD_MAX
     );
@@ -200,14 +200,14 @@ pub(super) fn tone(known_pa: f64, frequency_hz: f64, listen_s: f64, heard: &Hear
     let Some(tone) = of_tone(&samples, rate_hz, frequency_hz) else { bail!("there is no tone near {frequency_hz} Hz") };
     ensure!(
         tone.rest <= REST_MAX,
-        "{:.0} % of the sound is not the tone at {:.1} Hz; at most {:.0} % may be: is the calibrator on and tight?",
+        "{:.0} % of the sound is not the tone at {:.1} Hz; at most {:.0} % is allowed: is the calibrator on and tight?",
         100.0 * tone.rest,
         tone.frequency_hz,
         100.0 * REST_MAX
     );
     ensure!(
         tone.drift <= DRIFT_MAX,
-        "the level of the tone changes by {:.1} %; at most {:.0} % may be",
+        "the level of the tone changes by {:.1} %; at most {:.0} % is allowed",
         100.0 * tone.drift,
         100.0 * DRIFT_MAX
     );

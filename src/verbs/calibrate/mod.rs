@@ -73,7 +73,7 @@ fn keep(written: &WrittenArgs, channel: Channel, found: Found) -> Result<bool> {
     let mut file = if out.exists() { CalibrationFile::read(out)? } else { CalibrationFile::default() };
     let today = Timestamp::now().to_zoned(TimeZone::UTC).date();
     let until =
-        today.checked_add(i64::from(*valid_days).days()).context("--valid-days ends after the last date there is")?;
+        today.checked_add(i64::from(*valid_days).days()).context("--valid-days ends after the last possible date")?;
     let Found { unit, full_scale, full_scale_v, method, sensitivity_mv_per_unit, gain } = found;
     let (date, valid_until) = (today.to_string(), Some(until.to_string()));
     let certificate = Certificate { method, date, valid_until, sensitivity_mv_per_unit, gain };

@@ -28,7 +28,7 @@ pub(crate) fn monitor(config: &Path, number: Option<u16>) -> Result<bool> {
     let (config, _) = Config::read(config)?;
     let (number, device) = device_of(&config.station, number)?;
     let mut extractor = Extractor::<f64>::new(&config.process)?;
-    let mut terminal = ratatui::try_init().context("cannot draw: this is no terminal")?;
+    let mut terminal = ratatui::try_init().context("cannot draw: this is not a terminal")?;
     let outcome = follow(&mut terminal, (number, &device), config.capture, &mut extractor);
     ratatui::try_restore().context("cannot leave the terminal as it was")?;
     outcome.map(|()| true)
@@ -88,7 +88,7 @@ fn follow(
                 KeyCode::Char('r') => scope = Scope::new(&device.to_string()),
                 _ => continue,
             }
-            // One out of its bounds is not taken.
+            // A level that is out of bounds is ignored.
             if monitor.set_level(level).is_ok() {
                 capture.trigger.level = level;
             }

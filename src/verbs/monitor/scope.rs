@@ -17,7 +17,7 @@ const SOUND_MS: (f64, f64) = (-5.0, 60.0);
 /// How long the peaks of the levels are looked at.
 const LEVEL_S: f64 = 0.2;
 
-/// Most lines that the state of the device has, however long it is.
+/// Most lines for the state of the device, however long its text.
 const HEAD_LINES_MAX: u16 = 6;
 
 /// A channel above this part of full scale is as good as clipped.
@@ -82,7 +82,7 @@ pub(crate) struct Scope {
     levels: [f64; 2],
     fault: Option<String>,
     not_taps: NotTaps,
-    /// What was no tap before it began to count.
+    /// Pulses that were no taps before the count began.
     not_taps_before: Option<NotTaps>,
     count: u64,
     last: Option<Shown>,
@@ -157,8 +157,8 @@ impl Scope {
 
     /// What was found in the last tap, and the keys.
     fn numbers(&self) -> Vec<Line<'static>> {
-        let keys = Line::from("up, down: trigger level   r: count anew   q: end").dim();
-        let Some(tap) = &self.last else { return vec![Line::from("no tap was heard yet"), keys] };
+        let keys = Line::from("up, down: trigger level   r: reset counts   q: quit").dim();
+        let Some(tap) = &self.last else { return vec![Line::from("no tap heard yet"), keys] };
         let force = match tap.f_max {
             Some((value, unit)) if unit.is_known() => format!("{value:.2} {}", unit.name()),
             Some(_) => format!("{:.1} % of full scale", 100.0 * tap.force_peak),

@@ -13,7 +13,7 @@ use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 use tokio::time::timeout;
 
-/// A broker that has not heard of a client for one and a half times as long publishes its will, in seconds.
+/// A broker that has not heard from a client for 1.5 times this long publishes its last will, in seconds.
 const KEEP_ALIVE_S: u16 = 5;
 
 /// How long it may take to connect.
@@ -51,12 +51,12 @@ pub(super) enum Receipt {
 pub(super) struct Client {
     pub host: String,
     pub port: u16,
-    /// Certificates (PEM) of who vouches for the broker.
+    /// Certificates (PEM) for checking the broker.
     pub ca: Option<Vec<u8>>,
     pub user: Option<User>,
 }
 
-/// A connection to a broker, which starts without anything of an earlier one. A task of its own keeps it alive.
+/// A connection to a broker, which keeps no state of earlier ones. A task of its own keeps it alive.
 pub(super) struct Connection {
     client: AsyncClient,
     task: JoinHandle<()>,
@@ -106,7 +106,7 @@ async fn connected(events: &mut EventLoop) -> Result<()> {
     }
 }
 
-/// Keeps a connection alive until it is lost, and says why it was.
+/// Keeps a connection alive until it is lost, and returns the reason.
 async fn keep(events: &mut EventLoop) -> Error {
     loop {
         match events.poll().await {

@@ -1,7 +1,7 @@
 //! Verdicts to an MQTT broker.
 //!
-//! Each station has a connection of its own, since a connection has one last will, and that must clear the topic on which the
-//! station's last verdict is retained. Nothing is remembered from one connection to the next but the outbox.
+//! Each station has its own connection, because a connection has one last will, which must clear the topic with the
+//! station's retained current verdict. Only the outbox is kept from one connection to the next.
 //!
 //! - here: what is published when
 //! - `client`: the MQTT client
@@ -26,13 +26,13 @@ use crate::wires::now::StationState;
 use crate::wires::outbox::Receiver;
 use crate::wires::wire::{News, Plant, Wire};
 
-/// How often what stands at a station is published, if it does not change.
+/// How often the state of a station is published, if it does not change.
 const SHOW_EVERY: Duration = Duration::from_secs(5);
 
-/// After how many seconds a broker forgets what stood at a station.
+/// After how many seconds a broker forgets the state of a station.
 const STANDS_FOR_S: u32 = 15;
 
-/// When a verdict is published again to which nobody has subscribed.
+/// When a verdict to which nobody has subscribed is published again.
 const TELL_AGAIN_AFTER: Duration = Duration::from_secs(1);
 
 /// Time until the next attempt to connect: at first, and at most.
@@ -42,7 +42,7 @@ const CONNECT_AGAIN_AFTER: (Duration, Duration) = (Duration::from_millis(200), D
 const NO_CONNECTION: &str = "no connection";
 const NO_SUBSCRIBER: &str = "no subscriber";
 
-/// How long verdicts may take that are still to be reported when the line ends.
+/// How long remaining verdicts may take when the line ends.
 const END_WITHIN: Duration = Duration::from_secs(2);
 
 /// Checks that the files which `config` names can be read.
@@ -109,7 +109,7 @@ struct Lane {
     news: News,
     /// What is wrong with each station's connection.
     troubles: Rc<RefCell<BTreeMap<(&'static str, u16), String>>>,
-    /// What was last published of what stands at the station, and when.
+    /// The state of the station that was last published, and when.
     shown: Option<(String, Instant)>,
     /// When verdicts may be published again.
     tell_at: Instant,
@@ -158,7 +158,7 @@ impl Lane {
         self.show(connection).await
     }
 
-    /// Publishes what stands at the station, if that has changed or was not published of late.
+    /// Publishes the state of the station, if it has changed or was not published recently.
     async fn show(&mut self, connection: &mut Connection) -> Result<()> {
         let message = self.station_state(&self.plant.now.at(self.station).0);
         let is_known = |(shown, at): &(String, Instant)| *shown == message.payload && at.elapsed() < SHOW_EVERY;
@@ -188,7 +188,7 @@ impl Lane {
                 break;
             }
             outbox.acknowledge(Receiver::Mqtt, note.number);
-            // However many wait, the station shows what stands now.
+            // However many wait, the station shows its current state.
             self.show(connection).await?;
         }
         self.set_trouble(NO_SUBSCRIBER, trouble);
@@ -196,7 +196,7 @@ impl Lane {
     }
 
     fn station_state(&self, station_state: &StationState) -> Message {
-        // The last word of a line that has gone stays.
+        // The last message of a line that has ended stays.
         let expires_after_s = (*station_state != StationState::NoSignal).then_some(STANDS_FOR_S);
         let verdict =
             if let StationState::Judged(verdict) = station_state { verdict.json() } else { "null".to_owned() };

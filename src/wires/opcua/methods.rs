@@ -56,7 +56,7 @@ pub(super) fn add(line: &SimpleNodeManager, ns: Namespaces, plant: &Plant) {
     method("ReleaseResultHandle", &released, &[error], |_, _| Ok(vec![0_i32.into()]));
 }
 
-/// The result of a verdict, or that there is none.
+/// The answer with the result of a verdict, or without one.
 fn answer(verdict: Option<&CasingVerdict>) -> Vec<Variant> {
     match verdict {
         Some(verdict) => vec![0_u32.into(), result(verdict), 0_i32.into()],
@@ -75,7 +75,7 @@ fn result_by_id(plant: &Plant, arguments: &[Variant]) -> Answer {
     Ok(answer(verdict.as_deref()))
 }
 
-/// The identifiers of verdicts that wait to be acknowledged, the oldest first. Nothing can be asked for but how many.
+/// The identifiers of verdicts that wait to be acknowledged, the oldest first. Only a maximum number can be asked for.
 fn waiting_ids(plant: &Plant, arguments: &[Variant]) -> Answer {
     let [filter, order, most, ..] = arguments else { return Err(StatusCode::BadArgumentsMissing) };
     let answer = |ids: Vec<String>, error: i32| {

@@ -45,7 +45,7 @@ const LINE: &str = "line";
 /// The user of the configuration, among the server's tokens.
 const USER: &str = "user";
 
-/// A server that is set up, and not run yet.
+/// A server that is set up but not yet running.
 struct Prepared {
     server: Server,
     handle: ServerHandle,
@@ -57,13 +57,13 @@ pub(super) fn user(config: &OpcUaConfig) -> Result<Option<User>> {
     config.credentials_file.as_deref().map(User::read).transpose().context("line.opcua.credentials_file")
 }
 
-/// Starts to serve the verdicts of `plant`; and where.
+/// Starts to serve the verdicts of `plant`; also returns where.
 pub(super) fn start(config: &OpcUaConfig, plant: &Plant) -> Result<(Wire, String)> {
     let context = || format!("line.opcua.listen = \"{}\": cannot listen there", config.listen);
     let listener = listen(config.listen).with_context(context)?;
     let address = listener.local_addr().with_context(context)?;
     let user = user(config)?;
-    // Without certificates the server makes their folder all the same.
+    // The server makes a folder for certificates even without any.
     let scratch = tempfile::tempdir().context("cannot make a folder for the OPC UA server")?;
     let builder = builder(address, config.pki_folder.as_deref(), user, scratch.path())?;
     let wire = Wire::start(Receiver::OpcUa, plant, || {
@@ -100,7 +100,7 @@ fn builder(address: SocketAddr, pki: Option<&Path>, user: Option<User>, scratch:
     };
     let endpoint = match pki {
         Some(folder) => {
-            // The key is read by its user alone.
+            // Only its user may read the key.
             let made = DirBuilder::new().recursive(true).mode(0o700).create(folder.join("private"));
             made.with_context(|| format!("line.opcua.pki_folder = \"{}\": cannot make it", folder.display()))?;
             builder = builder.pki_dir(folder).create_sample_keypair(true);
@@ -136,7 +136,7 @@ fn prepare(builder: ServerBuilder, plant: &Plant) -> Result<Prepared> {
     Ok(Prepared { server, handle, namespaces })
 }
 
-/// Has clients read what stands at `station`.
+/// Lets clients read the current state of `station`.
 fn show(line: &SimpleNodeManager, namespaces: Namespaces, plant: &Plant, station: u16) {
     let read = |name: &str, value: fn(&StationState, u64) -> Result<Variant, StatusCode>| {
         let now = Arc::clone(&plant.now);
@@ -195,6 +195,6 @@ async fn serve(listener: std::net::TcpListener, prepared: Prepared, plant: Plant
 fn notify(handle: &ServerHandle, namespaces: Namespaces, verdict: &CasingVerdict) {
     let source = nodes::management(namespaces);
     let event = ResultReady::new(verdict, namespaces.of_line("casing-judged"), &source, namespaces.result);
-    // Who has subscribed to the events of the whole server gets it too.
+    // Clients that have subscribed to the events of the whole server get it too.
     handle.subscriptions().notify_events(std::iter::once((&event as &dyn Event, &source)));
 }

@@ -42,7 +42,7 @@ pub(super) fn add_types(space: &mut impl NodeInsertTarget, ns: Namespaces) {
     add_evaluation(space, ns);
     add_structure(space, ns, (id::RESULT_META_DATA, id::RESULT_META_DATA_BINARY), "ResultMetaDataType", meta_data(ns));
     let data: Vec<Field> = vec![
-        // It may be of a subtype, which few clients know how to read; this says the same bytes in a way that all do.
+        // It may have a subtype, which few clients can read; this describes the same bytes in a way that all can.
         ("ResultMetaData", DataTypeId::Structure.into(), false, false),
         ("ResultContent", DataTypeId::BaseDataType.into(), true, false),
     ];
@@ -186,7 +186,7 @@ pub(super) fn add_line(space: &mut impl NodeInsertTarget, ns: Namespaces, statio
     }
 }
 
-/// The node that has results and tells of them.
+/// The node that has results and reports them.
 pub(super) fn management(ns: Namespaces) -> NodeId {
     ns.of_line("result-management")
 }

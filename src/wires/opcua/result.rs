@@ -13,7 +13,7 @@ use crate::wires::opcua::names::{RESULT_NAMESPACE, id};
 /// 100 ns ticks from 1601, where OPC UA begins to count time, to 1970.
 const TICKS_TO_1970: i64 = 116_444_736_000_000_000;
 
-/// Urgency of an event, of 1000: a verdict is news, and a REJECT something to act on.
+/// Severity of an event, up to 1000: most verdicts are news, but a REJECT calls for action.
 const SEVERITY: (u16, u16) = (100, 500);
 
 /// The `ResultDataType`.

@@ -76,7 +76,7 @@ fn a_line_does_not_continue_a_cut_archive() {
         let expected = undisturbed(&sandbox);
         fs::create_dir(sandbox.path("disk")).unwrap();
         let (mut line, path) = start_on_disk(&sandbox);
-        // After a while some taps are archived, and these are missed whatever the length is.
+        // After a while some taps are archived, and their loss is noticed whatever the length is.
         std::thread::sleep(Duration::from_millis(if has_grown_again { 300 } else { 0 }));
         let file = OpenOptions::new().write(true).open(&path).unwrap();
         let bytes = file.metadata().unwrap().len();

@@ -1,4 +1,4 @@
-//! Verdicts on their way out: the outbox, and each wire with a client of somebody else.
+//! Verdicts on their way out: the outbox, and each wire with an independent client.
 
 mod modbus;
 mod mqtt;
@@ -37,7 +37,7 @@ fn by_id(verdicts: &[Value]) -> BTreeMap<String, Value> {
     all
 }
 
-/// Names of the notes of verdicts that are still to be told.
+/// Names of the notes of verdicts that are still to be reported.
 fn unreported(sandbox: &Sandbox) -> Vec<String> {
     let entries = std::fs::read_dir(sandbox.path("out/unreported")).into_iter().flatten().flatten();
     entries.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect()

@@ -46,7 +46,7 @@ fn a_controller_acknowledges_each_verdict() {
     assert!(states.iter().any(|now| now["busy"] == 1), "{states:?}");
     for now in &states {
         let marks = ["ok", "re_inspect", "not_ok"].map(|key| now[key].as_u64().unwrap());
-        // At most one, and none while a casing is under way.
+        // At most one mark, and none while a casing is under way.
         assert!(marks.iter().sum::<u64>() <= now["ready"].as_u64().unwrap(), "{now}");
         assert_eq!(
             now["ready"].as_u64().unwrap() + now["busy"].as_u64().unwrap(),
@@ -71,7 +71,7 @@ fn a_controller_acknowledges_each_verdict() {
     while mails.len() < 4 {
         let said = said(&mut client);
         mails.extend(said.get("mail").cloned());
-        // What the line before has judged stands no longer.
+        // Verdicts of the earlier line are no longer current.
         if let Some(now) = said.get("now") {
             assert_eq!(
                 [&now["ok"], &now["re_inspect"], &now["not_ok"], &now["count"]],
@@ -101,7 +101,7 @@ fn a_line_that_hangs_has_no_heartbeat() {
     let mut command = sandbox.command("line --config plant.toml --out out --json");
     let mut child = command.stdout(Stdio::from(OwnedFd::from(write))).stderr(Stdio::piped()).spawn().unwrap();
     drop(command);
-    // What it logs is followed as ever; what it prints goes into the full pipe.
+    // Its log is read as usual; what it prints goes into the full pipe.
     child.stdout = Some(std::process::ChildStdout::from(OwnedFd::from(std::io::pipe().unwrap().0)));
     let mut line = Running::of(child);
     let address = address_of(&mut line, "Modbus");

@@ -1,4 +1,4 @@
-//! Every verdict is told to everyone, also when the line was killed: work to do = notes - acknowledgements.
+//! Every verdict is reported to every receiver, even if the line was killed: work to do = notes - acknowledgements.
 
 use std::fs;
 use std::path::PathBuf;
@@ -40,7 +40,7 @@ fn idle_line(sandbox: &Sandbox) -> Running {
     Running::start(sandbox, "line --config idle.toml --out out --json")
 }
 
-/// Catches a verdict that is lost, or told again to one who has acknowledged it, when the line was killed between two steps: each
+/// Catches a verdict lost, or reported again after it was acknowledged, if the line is killed between two steps: each
 /// state that a kill can leave on the disk is made, and the line started on it.
 #[test]
 fn each_step_between_two_can_be_the_last_of_a_line() {
@@ -77,7 +77,7 @@ fn each_step_between_two_can_be_the_last_of_a_line() {
     until("both are told", || told(&sandbox).len() == 4);
     until("nothing is left to report", || unreported(&sandbox) == ["foreign"]);
     let done = line.interrupt().expect(0);
-    assert!(done.out.is_empty() && done.err.contains("foreign is no note"), "{done:?}");
+    assert!(done.out.is_empty() && done.err.contains("foreign is not a note"), "{done:?}");
     let ids = |told: &[(String, Value)]| told.iter().map(|(id, _)| id.clone()).collect::<Vec<_>>();
     assert_eq!(ids(&told(&sandbox)[..2]), ids(&told(&sandbox)[2..]));
     assert!(told(&sandbox).iter().all(|(id, verdict)| *id == verdict["id"]));

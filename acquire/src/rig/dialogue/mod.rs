@@ -3,13 +3,16 @@
 //! This file has the state, its connection and its timeouts; `station` has what the station asks for, and `receive` what a
 //! line from the rig changes.
 
+mod end_report;
 mod receive;
 mod station;
 
 use std::io::Write as _;
+use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
+use self::end_report::LastEnd;
 use crate::rig::stream::Stream;
 
 /// A rig that has been silent for this long is pinged.
@@ -40,6 +43,8 @@ pub(crate) struct LinkConfig {
     pub timeout: Duration,
     /// The same where it has to find its home.
     pub home_timeout: Duration,
+    /// The file that keeps how the last casing ended.
+    pub last_end: Option<PathBuf>,
 }
 
 /// The state of the dialogue; it outlasts a connection.
@@ -64,8 +69,8 @@ pub(crate) struct Dialogue {
     loaded: Option<String>,
     /// The casing that the station has taken over.
     current: Option<Current>,
-    /// How a casing ended, until the rig is known to have received it.
-    end_report: Option<EndReport>,
+    /// How the last casing ended.
+    last_end: LastEnd,
     /// When the rig disconnected with the current casing on it.
     away_since: Option<Instant>,
     last_received: Option<Instant>,
@@ -126,14 +131,6 @@ struct Current {
     is_away_told: bool,
 }
 
-#[derive(Debug)]
-struct EndReport {
-    serial: String,
-    line: String,
-    /// Whether it was sent on this connection; the connection may have failed since.
-    is_sent: bool,
-}
-
 /// Why no more taps of a casing will come; empty while they may.
 pub(crate) type Removal = Arc<OnceLock<String>>;
 
@@ -178,7 +175,8 @@ pub(crate) struct LoadedCasing {
 
 impl Dialogue {
     pub(super) fn new(config: LinkConfig) -> Self {
-        Self { config, ..Self::default() }
+        let last_end = LastEnd::read(config.last_end.clone());
+        Self { config, last_end, ..Self::default() }
     }
 
     pub(crate) fn config(&self) -> &LinkConfig {
@@ -209,9 +207,7 @@ impl Dialogue {
         self.count_unanswered();
         self.loaded = None;
         self.unexpected = (0, None);
-        if let Some(report) = &mut self.end_report {
-            report.is_sent = false;
-        }
+        self.last_end.begin_connection();
         if let Some(current) = &mut self.current {
             self.away_since.get_or_insert_with(Instant::now);
             if !matches!(current.step, Step::Hit(..)) {

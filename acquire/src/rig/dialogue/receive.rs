@@ -39,8 +39,7 @@ impl Dialogue {
             self.forget_rig();
             return self.receive_hello(message, line);
         }
-        // A line from the rig shows that it has received what was sent before on this connection.
-        self.end_report.take_if(|report| report.is_sent);
+        self.last_end.heard();
         let may_answer = is_of_motion || message == RigMessage::Pong;
         if !may_answer || self.pending.is_none() {
             self.count_unexpected(now)?;
@@ -50,7 +49,7 @@ impl Dialogue {
             RigMessage::Casing(serial) => Ok(self.load(&serial)),
             RigMessage::Removed => {
                 self.discard_loaded();
-                self.end_report = None;
+                self.last_end.clear();
                 self.remove_current("it was taken away from the rig before its last tap");
                 Ok(true)
             }
@@ -161,10 +160,11 @@ impl Dialogue {
             self.send(&scan);
             return true;
         }
-        if let Some(report) = self.end_report.take().filter(|report| report.serial == serial && serial != UNKNOWN) {
-            self.send(&report.line);
+        if let Some(line) = self.last_end.answer(serial).filter(|_| serial != UNKNOWN) {
+            self.send(&line);
             return false;
         }
+        self.last_end.clear();
         self.remove_current("another casing was put on the rig before its last tap");
         self.discard_loaded();
         self.loaded = Some(serial.to_owned());

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use tapline_wire::now_ns;
 
-use super::{Command, Current, Dialogue, EndReport, Hit, LoadedCasing, Progress, Removal, Step, Tap};
+use super::{Command, Current, Dialogue, Hit, LoadedCasing, Progress, Removal, Step, Tap};
 use crate::rig::protocol::UNKNOWN;
 use crate::source::unknown_name;
 
@@ -101,7 +101,7 @@ impl Dialogue {
         if is_sent {
             self.send(&line);
         }
-        self.end_report = Some(EndReport { serial: current.serial, line, is_sent });
+        self.last_end.set(current.serial, line, is_sent);
         self.away_since = None;
     }
 

@@ -52,6 +52,42 @@ fn an_end_that_may_not_have_arrived_is_reported_again() {
     assert_eq!(rig.hear(), "scan T 7", "it was reported: the same serial is a new casing");
 }
 
+/// Catches a casing that is done and scanned again, because its rig connects again or the line starts anew while it is still there.
+#[test]
+fn a_casing_that_is_done_is_not_scanned_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let last_end = folder.path().join(".rig-1");
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let [patience, timeout] = [30, 5].map(Duration::from_secs);
+    let address = listener.local_addr().unwrap().to_string();
+    let last = Some(last_end.clone());
+    let config =
+        RigConfig { address, patience, timeout, home_timeout: timeout, last_end: last, retakes: 1, device: None };
+    let mut bench = Bench::of(&config);
+    let mut rig = ByHand::accept(&listener);
+    rig.say("hello rig 1\ncasing T 1\n");
+    assert_eq!(rig.hear(), "scan T 1 7");
+    let casing = bench.casing();
+    bench.arrivals.ended(&casing.name, &CasingEnd::Closed { file: "x.h5".into(), was_there: false });
+    assert_eq!(rig.hear(), "closed T 1");
+    for _ in 0..3 {
+        rig.say("pong\n");
+        drop(rig);
+        rig = ByHand::accept(&listener);
+        rig.say("hello rig 1\ncasing T 1\n");
+        assert_eq!(rig.hear(), "closed T 1");
+    }
+    drop((rig, bench));
+    let bench = Bench::of(&config);
+    let mut rig = ByHand::accept(&listener);
+    rig.say("hello rig 1\ncasing T 1\n");
+    assert_eq!(rig.hear(), "closed T 1");
+    rig.say("removed\ncasing T 1\n");
+    assert_eq!(rig.hear(), "scan T 1 7", "it was taken off: it is to be scanned again");
+    assert!(!last_end.exists());
+    drop(bench);
+}
+
 /// Catches a rig that is away for ever being waited for as long.
 #[test]
 fn patience_ends() {

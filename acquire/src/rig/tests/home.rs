@@ -46,6 +46,7 @@ fn a_rig_may_take_its_own_time_to_home_and_no_more() {
         patience: LONG,
         timeout: Duration::from_millis(timeout_ms),
         home_timeout: Duration::from_millis(home_timeout_ms),
+        last_end: None,
         retakes: 0,
         device: None,
     };

@@ -59,7 +59,15 @@ struct Went {
 impl Bench {
     fn new(address: String, patience_s: f64, retakes: u16) -> Self {
         let [patience, timeout] = [patience_s, 5.0].map(|seconds| Duration::try_from_secs_f64(seconds).unwrap());
-        Self::of(&RigConfig { address, patience, timeout, home_timeout: timeout, retakes, device: None })
+        Self::of(&RigConfig {
+            address,
+            patience,
+            timeout,
+            home_timeout: timeout,
+            last_end: None,
+            retakes,
+            device: None,
+        })
     }
 
     fn of(rig: &RigConfig) -> Self {
