@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-/// A structural fault: nothing can be acquired before it is mended.
+/// A structural fault: nothing can be acquired until it is fixed.
 ///
-/// A fault of a single recording is not among these: it is a [`crate::Refusal`] of that tap.
+/// A fault of a single recording is not an `Error`: it is a [`crate::Refusal`] of that tap.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -58,7 +58,7 @@ pub enum Error {
         /// What it must be.
         bound: String,
     },
-    /// The header of a table has not exactly the columns it must have.
+    /// The header of a table does not have exactly the required columns.
     #[error("{} line {line}: {fault} column {column:?}; the columns are {known}, in any order", file.display())]
     Column {
         /// The file.
@@ -72,7 +72,7 @@ pub enum Error {
         /// The columns there must be.
         known: String,
     },
-    /// A cell of a table is out of bounds or of another kind.
+    /// A cell of a table is out of bounds or of the wrong kind.
     #[error("{} line {line}: {column} is {value:?}; it must be {bound}", file.display())]
     Cell {
         /// The file.
@@ -86,7 +86,7 @@ pub enum Error {
         /// What it must be.
         bound: String,
     },
-    /// Two rows of a table say something of the same thing.
+    /// Two rows of a table are about the same thing.
     #[error("{} line {second}: names {what} again; line {first} has it already", file.display())]
     Duplicate {
         /// The file.
@@ -139,18 +139,18 @@ pub enum Error {
     /// The simulated rig or one of its tyres is impossible.
     #[error("simulation: {0}")]
     Model(#[from] tapline_model::Error),
-    /// A thread cannot be had.
-    #[error("no thread for {what}: {source}")]
+    /// A thread cannot be started.
+    #[error("cannot start a thread for {what}: {source}")]
     Thread {
         /// What it is for.
         what: String,
         /// What the system says.
         source: std::io::Error,
     },
-    /// A simulated rig cannot be talked to.
+    /// Communication with a simulated rig failed.
     #[error("the simulated rig: {0}")]
     Rig(std::io::Error),
-    /// The taps make no plan.
+    /// The taps do not form a plan.
     #[error(transparent)]
     Plan(#[from] tapline_wire::PlanError),
 }

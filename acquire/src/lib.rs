@@ -1,10 +1,10 @@
-//! Sources of taps: whoever asks one for a row of its plan gets that tap, rendered in place.
+//! Sources of taps: asked for a row of its plan, a source renders that tap in place.
 //!
-//! A [`TapSet`] reads recordings from a folder; a [`SimulatedLine`] computes them from the physics.
+//! A [`TapSet`] reads recordings from a folder; a [`SimulatedLine`] computes taps from physics.
 //!
 //! - `source`: what a source of taps is
-//! - `tap_set`: folders of recordings, `simulated`: tyres that are computed
-//! - `capture`: sound cards and modules that are listened to, `rig`: casings on a rig, and a simulated rig for rehearsals
+//! - `tap_set`: folders of recordings, `simulated`: computed tyres
+//! - `capture`: live sound cards and modules, `rig`: casings on a rig, and a simulated rig for rehearsals
 //! - `config`, `stations`: what a configuration says of scans and stations
 //! - `stage`: the process `acquire` of a line
 //!

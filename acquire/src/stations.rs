@@ -27,7 +27,7 @@ pub enum StationSource {
     Folder,
     /// A rig, over TCP; its taps are simulated.
     Rig,
-    /// A sound card that hears the taps of a rig, or those that are made by hand.
+    /// A sound card that hears taps made by a rig or by hand.
     Alsa,
     /// A data acquisition module that hears them.
     Uldaq,
@@ -58,24 +58,24 @@ pub struct StationConfig {
     pub source: StationSource,
     /// The watched folder.
     pub folder: Option<PathBuf>,
-    /// Host and port of the rig, or `serial:PATH`; without one a device hears taps in the order of the plan.
+    /// Host and port of the rig, or `serial:PATH`; without a rig, a device hears taps in the order of the plan.
     pub rig: Option<String>,
     /// The sound card, as ALSA names it, or the data acquisition module.
     pub device: Option<String>,
     /// A file with the serial of the casing that is tapped without a rig.
     pub serial_file: Option<PathBuf>,
-    /// A file of what full-scale samples of the device are worth, made by `tapline calibrate`; unknown without.
+    /// A file with the values of full-scale samples of the device, made by `tapline calibrate`; unknown if left out.
     pub calibration: Option<PathBuf>,
-    /// How long a rig may be away with a casing under way before that is given up, in s.
+    /// How long a rig may be away during a casing before the casing is given up, in s.
     #[serde(default = "rig_patience_s")]
     pub rig_patience_s: f64,
-    /// How long a rig may take to answer before the connection is made anew, in s.
+    /// How long a rig may take to answer before the station reconnects, in s.
     #[serde(default = "rig_timeout_s")]
     pub rig_timeout_s: f64,
-    /// The same where it has to find its home, in s.
+    /// The same for finding its home, in s.
     #[serde(default = "rig_home_timeout_s")]
     pub rig_home_timeout_s: f64,
-    /// How many simulated tyres come; without end when left out.
+    /// How many simulated tyres come; endless if left out.
     pub casings: Option<u64>,
     /// Number of the first simulated tyre.
     #[serde(default = "first_casing")]
@@ -99,7 +99,7 @@ fn first_casing() -> u64 {
 }
 
 impl StationConfig {
-    /// The table `capture` with what the samples of this station are worth.
+    /// The table `capture` with the scales of this station's samples.
     ///
     /// # Errors
     /// As [`CalibrationFile::read`], and [`Error::Setting`] for a calibration at another range of a module, or for what the device
@@ -130,7 +130,7 @@ impl StationConfig {
         self.check("station")
     }
 
-    /// The same, where the configuration has it under `table`.
+    /// The same for a station that the configuration has under `table`.
     fn check(&self, table: &str) -> Result<(), Error> {
         let refuse =
             |key: &str, value: String, bound: String| Err(Error::setting(format!("{table}.{key}"), value, bound));
@@ -165,7 +165,7 @@ impl StationConfig {
             }
         }
         if self.rig.is_some() && self.serial_file.is_some() {
-            let bound = "left out, as the rig tells the serial".to_owned();
+            let bound = "left out, as the rig reports the serial".to_owned();
             return refuse("serial_file", serial_file.unwrap_or_default(), bound);
         }
         if let Some(rig) = self.rig.as_deref().filter(|rig| fault_of(rig).is_some()) {
@@ -182,7 +182,7 @@ impl StationConfig {
         Ok(())
     }
 
-    /// How long its rig may be away, may take to answer, and to find its home.
+    /// How long its rig may be away, take to answer, and take to find its home.
     fn rig_times(&self, table: &str) -> Result<[Duration; 3], Error> {
         let time = |key: &str, time_s: f64| {
             let time = Duration::try_from_secs_f64(time_s).ok().filter(|_| (0.001..=TIME_MAX_S).contains(&time_s));
@@ -195,7 +195,7 @@ impl StationConfig {
         ])
     }
 
-    /// Whether `path` is the folder that it watches, or within it.
+    /// Whether `path` is its watched folder, or within it.
     pub fn watches(&self, path: &Path) -> bool {
         self.folder.as_ref().is_some_and(|folder| resolved(path).starts_with(resolved(folder)))
     }
@@ -220,12 +220,12 @@ pub fn validate_stations(stations: &[StationConfig]) -> Result<(), Error> {
         station.check(&table)?;
         let key = |field: &str| format!("{table}.{field}");
         if let Some(first) = numbers.insert(station.number, place) {
-            let bound = format!("another number than that of station[{first}], counted from 0");
+            let bound = format!("different from the number of station[{first}], counted from 0");
             return Err(Error::setting(key("number"), station.number, bound));
         }
         if let Some(folder) = &station.folder {
             let resolved = resolved(folder);
-            // What one station moves within its folder, the other would take for casings.
+            // One station would take what the other moves within its folder for casings.
             let is_shared = |other: &Path| resolved.starts_with(other) || other.starts_with(&resolved);
             if let Some((_, first)) = folders.iter().find(|(other, _)| is_shared(other)) {
                 let bound = format!("neither that of the station with number {first}, nor within it, nor around it");
@@ -237,7 +237,7 @@ pub fn validate_stations(stations: &[StationConfig]) -> Result<(), Error> {
             [("rig", station.rig.as_deref().map(Path::new)), ("device", station.device.as_deref().map(Path::new))];
         for (field, of) in named.into_iter().filter_map(|(field, of)| Some((field, of?))) {
             if let Some(first) = sources.insert((field, of), station.number) {
-                let bound = format!("another than that of the station with number {first}");
+                let bound = format!("different from that of the station with number {first}");
                 return Err(Error::setting(key(field), of.display(), bound));
             }
         }
@@ -245,14 +245,14 @@ pub fn validate_stations(stations: &[StationConfig]) -> Result<(), Error> {
     Ok(())
 }
 
-/// The absolute path of a folder, however it is named: without links as far as it is there.
+/// The absolute path of a folder, without links as far as it exists.
 fn resolved(folder: &Path) -> PathBuf {
     let whole = std::path::absolute(folder).unwrap_or_else(|_| folder.to_path_buf());
     let there = whole.ancestors().find_map(|part| Some((part.canonicalize().ok()?, whole.strip_prefix(part).ok()?)));
     there.map_or_else(|| whole.clone(), |(there, rest)| there.join(rest))
 }
 
-/// Opens where the casings of `station` come from; `wake` is called when a rig has answered, or a tap was heard.
+/// Opens the source of casings of `station`; `wake` is called when a rig has answered or a tap was heard.
 ///
 /// How the last casing of a rig ended is kept in the folder `out` of the line.
 ///
@@ -339,7 +339,7 @@ mod tests {
             (one("source = \"alsa\""), "station[0].device is left out; it must be given, as source is \"alsa\""),
             (
                 one("source = \"alsa\"\ndevice = \"hw:0\"\nrig = \"h:1\"\nserial_file = \"x\""),
-                "station[0].serial_file is x; it must be left out, as the rig tells the serial",
+                "station[0].serial_file is x; it must be left out, as the rig reports the serial",
             ),
             (one("source = \"uldaq\""), "station[0].device is left out; it must be given, as source is \"uldaq\""),
             (
@@ -355,9 +355,9 @@ mod tests {
             (one("source = \"simulated\"").replace("= 1", "= 0"), "station[0].number is 0; it must be from 1 to 65535"),
             (
                 one("source = \"simulated\"").repeat(2),
-                "station[1].number is 1; it must be another number than that of station[0], counted from 0",
+                "station[1].number is 1; it must be different from the number of station[0], counted from 0",
             ),
-            (two, "station[1].rig is h:1; it must be another than that of the station with number 1"),
+            (two, "station[1].rig is h:1; it must be different from that of the station with number 1"),
         ] {
             let error = stations(&text).unwrap_err();
             assert!(error.contains(want), "{error:?} lacks {want:?}");

@@ -9,7 +9,7 @@ use tapline_wire::{Direction, Discriminator, Serial};
 
 use crate::Error;
 
-/// How what the taps of a place show becomes its damage index.
+/// How the taps of a place become its damage index.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum IndexKind {
@@ -30,7 +30,7 @@ impl IndexKind {
     }
 }
 
-/// The direction of each discriminator: a table of those that move otherwise than [`Discriminator::direction`] says.
+/// The direction of each discriminator: a table of those that deviate from [`Discriminator::direction`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(from = "BTreeMap<Discriminator, Direction>", into = "BTreeMap<Discriminator, Direction>")]
 pub struct Directions([Direction; Discriminator::COUNT]);
@@ -71,9 +71,9 @@ impl Directions {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum Reference {
-    /// All shoulders of the same tyre together, the judged one among them. Damage all round does not show.
+    /// All shoulders of the same tyre together, including the judged one. Damage all round does not show.
     ///
-    /// Pooled, because one shoulder of which half is cracked has no majority left that is sound: on
+    /// Pooled, because a shoulder that is half cracked has no sound majority left: on
     /// three recorded slabs, line by line, the AUC was 0.77 / 0.96 / 0.93; pooled it is 0.99 / 1.00 / 0.98.
     Own,
     /// One shoulder of the same run, stated to be sound.
@@ -126,22 +126,22 @@ impl fmt::Display for Reference {
 pub struct FuseConfig {
     /// Discriminators that enter the index. `a_2` is left out by default: it repeats worst (Eq. 54).
     pub discriminators: Vec<Discriminator>,
-    /// How they become one index.
+    /// How these become one index.
     pub index: IndexKind,
-    /// What a shoulder is compared with; nothing is judged without.
+    /// What a shoulder is compared with; without it nothing is judged.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reference: Option<Reference>,
     /// Probability that a sound shoulder is not passed.
     pub re_inspect_rate: f64,
-    /// Probability that a part of a sound shoulder is tapped again before it is judged, where a station can; nothing is where it
+    /// Probability that part of a sound shoulder is tapped again before it is judged, if the station can; nothing is if it
     /// is not above `re_inspect_rate`.
     pub confirm_rate: f64,
     /// Probability that a sound shoulder is rejected; at most `re_inspect_rate`.
     pub reject_rate: f64,
-    /// Whether F_max and tau are brought from the measured to the planned velocity, by powers of it that are fitted to the
-    /// reference; nothing is changed where it does not tell the powers, or a velocity was not measured.
+    /// Whether F_max and tau are corrected from the measured to the planned velocity, by power laws fitted to the
+    /// reference; nothing is changed if it does not determine the exponents, or a velocity was not measured.
     pub normalise_velocity: bool,
-    /// Whether no casing passes whose channels have no calibration, or had an expired one when it was tapped.
+    /// Whether a casing cannot pass if its channels have no calibration, or had an expired one when it was tapped.
     pub requires_calibration: bool,
     /// Which way each discriminator moves with damage.
     pub directions: Directions,

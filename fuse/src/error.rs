@@ -1,4 +1,4 @@
-//! What can be wrong with a configuration or with a record's place.
+//! Errors of a configuration or of a record's place in the plan.
 
 use std::path::PathBuf;
 
@@ -29,7 +29,7 @@ pub enum Error {
         /// Greatest value allowed.
         high: f64,
     },
-    /// More shoulders would be rejected than not be passed.
+    /// More shoulders would be rejected than fail to pass.
     #[error("fuse.reject_rate = {reject_rate}: must not be above fuse.re_inspect_rate = {re_inspect_rate}")]
     RejectRate {
         /// The rate of rejected shoulders.
@@ -49,9 +49,9 @@ pub enum Error {
         /// The file.
         path: PathBuf,
     },
-    /// The taps of a reference file were recorded or analysed otherwise than those that are compared with it.
+    /// The taps of a reference file were recorded or analysed differently from those compared with it.
     #[error(
-        "the taps of the reference were recorded or analysed otherwise than these: {difference}; make the reference anew from archives that were made like these"
+        "the reference's taps were recorded or analysed differently from these: {difference}; make the reference again from archives that were made like these"
     )]
     ReferenceMadeOtherwise {
         /// What differs.
@@ -65,9 +65,9 @@ pub enum Error {
         /// Offsets and velocities of the plan.
         planned: String,
     },
-    /// The rings of a reference have another number of locations than those of the plan.
+    /// The rings of a reference have a different number of locations from those of the plan.
     #[error(
-        "the scan taps {planned} locations of a ring, which are not all among the {known} of the reference: arcs of the two cannot be compared"
+        "the scan taps {planned} locations per ring, which are not all among the {known} of the reference: their arcs cannot be compared"
     )]
     OtherLocations {
         /// Locations of the reference's rings.
@@ -75,8 +75,8 @@ pub enum Error {
         /// Locations of the plan's.
         planned: usize,
     },
-    /// A reference file is not what it says it is.
-    #[error("it is no reference: {reason}")]
+    /// A reference file is not a valid reference.
+    #[error("it is not a reference: {reason}")]
     NotAReference {
         /// What is wrong with it.
         reason: String,
@@ -91,7 +91,7 @@ pub enum Error {
         text: String,
     },
     /// The reference is not a shoulder of the plan.
-    #[error("reference {tyre}/{shoulder} is none of the {scan_count} shoulders of the scan plan")]
+    #[error("reference {tyre}/{shoulder} is not one of the {scan_count} shoulders of the scan plan")]
     ReferenceNotPlanned {
         /// Serial number given.
         tyre: Serial,

@@ -3,12 +3,12 @@
 //! [`Fusion`] is the state machine: it takes every tap and the end of every scan, in any order, and judges a shoulder once its
 //! casing and its reference are complete. What it computes, step by step, and the folder of each:
 //!
-//! 1. `shoulder`: taps are grouped into turns, once around at one offset, velocity and repetition;
+//! 1. `shoulder`: taps are grouped into turns: once around at one offset, velocity and repetition;
 //! 2. `index`: the discriminators of a tap are compared with the level of its turn and the scatter of the reference, and become
-//!    one score a place and offset;
+//!    one score per place and offset;
 //! 3. `arcs`: the scores of neighbours and of offsets become the evidence of arcs, and the arcs of the reference's casings, each
 //!    judged by the others, set the limits for the stated rates of false calls;
-//! 4. `verdict`: arcs above a limit, and a level that is off as a whole, make reasons, and those a verdict.
+//! 4. `verdict`: arcs above a limit, or a level that is off as a whole, give reasons, and these a verdict.
 //!
 //! `reference` holds what shoulders are compared with: the casing itself, a shoulder of it that is known to be sound, or a
 //! [`ReferenceSet`] of earlier casings. `fusion` is the state machine, and `run` its loop on a line.

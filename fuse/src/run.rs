@@ -27,17 +27,17 @@ pub enum RunError {
 /// What `fuse` did.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
-    /// Discriminator records received, those that came again among them.
+    /// Discriminator records received, including repeats.
     pub record_count: u64,
     /// Verdicts reached.
     pub verdict_count: u64,
-    /// Taps asked for besides those that were planned.
+    /// Taps requested in addition to the planned ones.
     pub asked_count: u64,
     /// Records lost on the way here.
     pub lost_count: u64,
 }
 
-/// Turns the discriminators of the casings on `line` into verdicts until told to stop; `begin` makes the fusion of a casing's
+/// Turns the discriminators of casings on `line` into verdicts until asked to stop; `begin` makes the fusion of a casing's
 /// plan.
 ///
 /// # Errors
@@ -71,25 +71,25 @@ struct StageLoop<'a> {
     outcome: Outcome,
 }
 
-/// A casing that is open, as far as it is known here.
+/// An open casing, as far as it is known here.
 struct OpenCasing {
     number: u64,
     plan: Plan,
     /// How many taps may be added to the plan.
     room: usize,
-    /// Whether taps were asked for: the plan comes again with them.
+    /// Whether taps were requested: the plan then comes again with them.
     has_asked: bool,
     /// `None` where it cannot be judged.
     fusion: Option<Fusion>,
-    /// Of one that cannot be judged: the rows that have come, and whether they were refused.
+    /// For a casing that cannot be judged: the rows that have come, and whether they were refused.
     seen: BTreeMap<u32, bool>,
     states: Vec<ScanState>,
-    /// For each scan, whether its verdict was sent to the `store` that there is.
+    /// For each scan, whether its verdict was sent to the present `store`.
     is_judged: Vec<bool>,
 }
 
 impl OpenCasing {
-    /// The taps that it wants besides, once all that are planned have come and before any of it is judged.
+    /// The additional taps that it needs, once all planned ones have come and before any of it is judged.
     fn wanted(&mut self) -> Result<Vec<PlannedTap>, Error> {
         let Some(fusion) = self.fusion.as_mut().filter(|_| self.room > 0) else { return Ok(Vec::new()) };
         let is_complete =
@@ -133,8 +133,8 @@ impl StageLoop<'_> {
         let number = record.header().stamp.casing;
         let place = self.open.iter().position(|casing| casing.number == number);
         match record.kind() {
-            // It comes again when `store` was restarted, or when the plan has grown: what is in the archive then follows, and a
-            // verdict rests on that alone. A disk that failed may have lost what was seen before.
+            // It comes again when `store` was restarted or the plan has grown: the content of the archive then follows, and a
+            // verdict rests only on that. A failed disk may have lost what was seen before.
             Some(RecordKind::Plan) => match Plan::decode(record) {
                 Ok(plan) => {
                     drop(place.map(|place| self.open.swap_remove(place)));
@@ -186,7 +186,7 @@ impl StageLoop<'_> {
         let stamp = *record.header();
         let is_known =
             |casing: &OpenCasing| casing.number == stamp.casing && casing.plan.taps().len() as u64 == stamp.mark;
-        // The plan was sent before: it is there by now, also one that comes again and begins the casing anew.
+        // The plan was sent earlier, so it has arrived, even one that comes again and restarts the casing.
         while let Some(record) = self.casings.receive()? {
             self.note_casing(&record)?;
         }
@@ -202,7 +202,7 @@ impl StageLoop<'_> {
         Ok(())
     }
 
-    /// Sends the verdicts that can be reached and are not in the archive, or asks for the taps that are wanted before.
+    /// Sends the verdicts that can be reached and are not in the archive, or first requests the taps that they need.
     fn judge(&mut self) -> Result<(), RunError> {
         for casing in &mut self.open {
             if casing.has_asked {
@@ -243,7 +243,7 @@ impl StageLoop<'_> {
     }
 }
 
-/// The verdict on a scan that cannot be judged, for one because the reference has nothing in common with it.
+/// The verdict on a scan that cannot be judged, for example because the reference has nothing in common with it.
 fn unjudged(plan: &Plan, seen: &BTreeMap<u32, bool>, scan: usize) -> (Judgement, Vec<DamageCell>) {
     let planned = &plan.scans()[scan];
     let count = |is_refused: bool| {

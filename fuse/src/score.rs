@@ -1,4 +1,4 @@
-//! How well the index and each discriminator tell cracked from sound, where the truth is known.
+//! How well the index and each discriminator separate cracked from sound locations whose truth is known.
 
 use tapline_wire::{Discriminator, Discriminators};
 
@@ -82,8 +82,8 @@ fn pooled(
 
 /// Area under the ROC curve: the chance that a cracked location scores above a sound one, ties counting half.
 ///
-/// Scores that are NaN are left out with their labels (`true` is cracked). `None` when a class is empty
-/// then. O(n log n): the Mann-Whitney statistic from mid-ranks.
+/// NaN scores are left out with their labels (`true` is cracked). `None` if a class is then empty.
+/// O(n log n): the Mann-Whitney statistic from mid-ranks.
 ///
 /// # Panics
 /// If there are not as many labels as scores.

@@ -15,7 +15,7 @@ pub enum LogFormat {
     Json,
 }
 
-/// How much a program says while it works, and how.
+/// How much a program logs as it works, and its format.
 #[derive(Debug, Clone, Copy, Args)]
 pub struct LogArgs {
     /// Format of the log on standard error; TAPLINE_LOG sets its level (error, warn, info, debug).
@@ -30,7 +30,7 @@ pub struct LogArgs {
 }
 
 impl LogArgs {
-    /// The level from which on events are logged.
+    /// The lowest level of event that is logged.
     pub fn level(&self) -> LevelFilter {
         match (self.quiet, self.verbose) {
             (true, _) => LevelFilter::ERROR,
@@ -41,7 +41,7 @@ impl LogArgs {
     }
 }
 
-/// What becomes of files that stand where a verb writes.
+/// What to do with files that exist where a verb writes.
 #[derive(Debug, Clone, Copy, Default, Args)]
 pub struct ForceArgs {
     /// Replace existing files. Archives are never replaced.
@@ -50,7 +50,7 @@ pub struct ForceArgs {
 }
 
 impl ForceArgs {
-    /// What becomes of a file that exists.
+    /// What to do with a file that exists.
     pub fn existing(self) -> Existing {
         if self.force { Existing::Replace } else { Existing::Keep }
     }

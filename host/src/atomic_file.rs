@@ -1,4 +1,4 @@
-//! Files that are written completely or not at all.
+//! Files that are written whole or not at all.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read as _, Write as _};
@@ -13,31 +13,31 @@ const HDF5_SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
 /// Links that are followed, one to the next; the system follows as many.
 const LINKS_MAX: usize = 40;
 
-/// What becomes of a file that stands where another is to be written.
+/// What to do with an existing file at the path of a new one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Existing {
-    /// It stays, and nothing is written.
+    /// Keep it, and write nothing.
     Keep,
-    /// It is replaced by the new one, once that is complete.
+    /// Replace it with the new one once that is complete.
     Replace,
 }
 
 /// Why a file was not written.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
-    /// Something is there.
-    #[error("{} exists already: name another, or replace it by --force", path.display())]
+    /// Something exists there already.
+    #[error("{} exists already: give another name, or replace it with --force", path.display())]
     Exists {
         /// Where.
         path: PathBuf,
     },
     /// A file is where a folder belongs.
-    #[error("{} is a file; it must be a folder, or a name that is free", path.display())]
+    #[error("{} is a file; it must be a folder, or a new name", path.display())]
     NoFolder {
         /// Where.
         path: PathBuf,
     },
-    /// An HDF5 file is there.
+    /// It is an HDF5 file.
     #[error("{} is an HDF5 file, as archives are; nothing takes its place", path.display())]
     IsHdf5 {
         /// Where.
@@ -53,9 +53,9 @@ pub enum WriteError {
     },
 }
 
-/// Has `write` fill the file at `path`, in folders that are made where they are not there. What stands there, or where a link there
-/// leads, is replaced at the end where `existing` says so, and stays if that fails; no archive is replaced. A pipe, a device and what
-/// is open already, as `/dev/stdout` is, are written to.
+/// Lets `write` fill the file at `path`, and makes missing folders. A file at `path`, or where a link at `path`
+/// leads, is replaced at the end if `existing` says so, and stays if `write` fails; archives are never replaced. Pipes, devices and
+/// what is already open, such as `/dev/stdout`, are written to.
 ///
 /// # Errors
 /// [`WriteError`].
@@ -71,7 +71,7 @@ where
     let io = |error: io::Error| failed(error.into());
     let place = match place_of(path) {
         Place::Standard(fd) => return write(fd.map_err(io)?).map_err(|error| failed(error.into())),
-        // A file in the place of a device would take the device from everyone on the machine.
+        // Replacing a device with a file would take it from everyone on the machine.
         Place::There => {
             let file = OpenOptions::new().append(true).open(path).map_err(io)?;
             return write(file).map_err(|error| failed(error.into()));
@@ -89,7 +89,7 @@ where
     tracing::debug!("writing {}, which becomes {}", draft.display(), place.display());
     let written =
         write(file).map_err(|error| failed(error.into())).and_then(|()| publish(path, &place, &draft, existing));
-    // A half-written draft is of no use; where it cannot be removed, the error above is the one that counts.
+    // A half-written draft is useless; if it cannot be removed, the error above is the one that counts.
     written.inspect_err(|_| drop(fs::remove_file(&draft)))
 }
 
@@ -104,7 +104,7 @@ pub fn check_writable(path: &Path, existing: Existing) -> Result<(), WriteError>
     }
 }
 
-/// Checks that files may be written into the folder `path`: it is new or empty, or what is there may be replaced.
+/// Checks that files may be written into the folder `path`: it is new or empty, or its files may be replaced.
 ///
 /// # Errors
 /// [`WriteError::NoFolder`] or [`WriteError::Exists`].
@@ -119,7 +119,7 @@ pub fn check_folder(path: &Path, existing: Existing) -> Result<(), WriteError> {
     }
 }
 
-/// Writes each text to its path; none, if one may not be written.
+/// Writes each text to its path, or none if one may not be written.
 ///
 /// # Errors
 /// [`WriteError`].
@@ -142,7 +142,7 @@ fn check_free(path: &Path, place: &Path, existing: Existing) -> Result<(), Write
     }
 }
 
-/// Gives the draft its name; where nothing may be replaced, not even what has come meanwhile.
+/// Gives the draft its final name; if nothing may be replaced, not even a file that has appeared meanwhile.
 fn publish(path: &Path, place: &Path, draft: &Path, existing: Existing) -> Result<(), WriteError> {
     use rustix::fs::{CWD, RenameFlags, renameat_with};
     let renamed = match existing {
@@ -159,11 +159,11 @@ fn publish(path: &Path, place: &Path, draft: &Path, existing: Existing) -> Resul
 
 /// Where a path leads.
 enum Place {
-    /// To this program's own output, which whoever has it too goes on with behind what is written.
+    /// To this program's own output, to which other holders append after what is written here.
     Standard(io::Result<File>),
-    /// To what is there to be written to: a device, a pipe, or what some process has open.
+    /// To something that takes writes: a device, a pipe, or a file that a process has open.
     There,
-    /// To a plain file, or where one may be.
+    /// To a plain file, or to a path where one may be made.
     File(PathBuf),
 }
 
@@ -171,7 +171,7 @@ fn place_of(path: &Path) -> Place {
     let mut place = path.to_owned();
     for _ in 0..LINKS_MAX {
         let folder = place.parent().unwrap_or(Path::new("")).to_owned();
-        // What processes have open looks like links to where it was when it was opened.
+        // Open files look like links to the path at which they were opened.
         let of_processes = folder.canonicalize().ok().filter(|folder| folder.starts_with("/proc"));
         if let Some(folder) = of_processes {
             let is_own = Path::new("/proc/self/fd").canonicalize().is_ok_and(|own| own == folder);
@@ -190,7 +190,7 @@ fn place_of(path: &Path) -> Place {
     }
 }
 
-/// Whether an HDF5 file is at `path`, by how it begins.
+/// Whether the file at `path` is HDF5, by its first bytes.
 fn is_hdf5(path: &Path) -> bool {
     let mut begin = [0; HDF5_SIGNATURE.len()];
     let is_file = fs::metadata(path).is_ok_and(|there| there.is_file());

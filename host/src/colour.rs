@@ -1,4 +1,4 @@
-//! Colour in what people read: on a terminal, unless `NO_COLOR` is set.
+//! Colour in output for people: on a terminal, unless `NO_COLOR` is set.
 
 use anstream::stream::RawStream;
 use anstream::{AutoStream, ColorChoice};

@@ -19,22 +19,22 @@ pub enum CredentialsError {
         /// Why.
         source: std::io::Error,
     },
-    /// It is not its user's alone.
+    /// Other users can read it.
     #[error("every user of this machine can read {path}: chmod 600 {path}", path = path.display())]
     Shared {
         /// Which.
         path: PathBuf,
     },
-    /// It is something else.
-    #[error("{} has {bytes} bytes: credentials have {CREDENTIALS_BYTES_MAX} at most", path.display())]
+    /// It is too long to be credentials.
+    #[error("{} has {bytes} bytes: credentials have at most {CREDENTIALS_BYTES_MAX}", path.display())]
     TooLong {
         /// Which.
         path: PathBuf,
         /// Its length.
         bytes: u64,
     },
-    /// It holds no name and password.
-    #[error("{} has {lines} lines, and must have two: user and password", path.display())]
+    /// It does not hold a name and a password.
+    #[error("{} has {lines} lines; it must have two: user and password", path.display())]
     NotTwoLines {
         /// Which.
         path: PathBuf,
@@ -59,7 +59,7 @@ impl std::fmt::Debug for User {
 }
 
 impl User {
-    /// The one in the file at `path`, which has a line for each.
+    /// Reads the file at `path`: name and password, one per line.
     ///
     /// # Errors
     /// [`CredentialsError`].
@@ -67,7 +67,7 @@ impl User {
         Self::in_text(&read_credentials(path)?, path)
     }
 
-    /// The one in `text`, which is what the file at `path` holds.
+    /// The same from `text`, the content of the file at `path`.
     ///
     /// # Errors
     /// [`CredentialsError::NotTwoLines`].
@@ -81,7 +81,7 @@ impl User {
     }
 }
 
-/// The text of the file at `path`, which other users of the machine may not read.
+/// The text of the file at `path`, which other users of the machine must not be able to read.
 ///
 /// # Errors
 /// [`CredentialsError`].
@@ -97,7 +97,7 @@ pub fn read_credentials(path: &Path) -> Result<String, CredentialsError> {
     fs::read_to_string(path).map_err(unreadable)
 }
 
-/// Listens at `address`, for a runtime that waits for connections by itself.
+/// Listens at `address`, for an async runtime that waits for connections itself.
 ///
 /// # Errors
 /// What the system returns.
@@ -107,7 +107,7 @@ pub fn listen(address: SocketAddr) -> std::io::Result<TcpListener> {
     Ok(listener)
 }
 
-/// Whether `host` is this machine, by an address of the loopback or by the one name that always leads there.
+/// Whether `host` is this machine: a loopback address, or the one name that always means it.
 pub fn is_this_machine(host: &str) -> bool {
     let address = host.trim_start_matches('[').trim_end_matches(']').parse::<IpAddr>();
     host.eq_ignore_ascii_case("localhost") || address.is_ok_and(|address| address.is_loopback())

@@ -1,4 +1,4 @@
-//! What is made of the description of a program's arguments: completions for shells, and manual pages.
+//! Output generated from the description of a program's arguments: shell completions and manual pages.
 
 use std::fs;
 use std::io::{self, Write};
@@ -13,28 +13,28 @@ use crate::atomic_file::WriteError;
 /// Writes the completions of `command` for `shell` to `out`.
 ///
 /// # Errors
-/// That `out` cannot be written.
+/// If `out` cannot be written.
 pub fn completions(mut command: Command, shell: Shell, out: &mut impl Write) -> io::Result<()> {
     let name = command.get_name().to_owned();
-    // It writes into memory, because it panics where it cannot write.
+    // Writes into memory first, because the generator panics if it cannot write.
     let mut text = Vec::new();
     generate(shell, &mut command, name, &mut text);
     out.write_all(&text)
 }
 
-/// Writes the manual pages of `command`, a page a verb, into `folder`, which is made if it is not there.
+/// Writes the manual pages of `command`, one page per verb, into `folder`, which is made if missing.
 ///
 /// # Errors
 /// [`WriteError::Failed`].
 pub fn manual(mut command: Command, folder: &Path) -> Result<(), WriteError> {
-    // Gives each verb the options that all have.
+    // Gives each verb the options that all verbs share.
     command.build();
     fs::create_dir_all(folder).map_err(|error| failed(folder, error))?;
     let name = command.get_name().to_owned();
     write_page(command, [&name, &name], folder)
 }
 
-/// Writes the page of `command`, and those of its verbs. Its names are that of its page, and how it is called.
+/// Writes the page of `command` and those of its verbs. The names are that of the page and how the command is called.
 fn write_page(command: Command, [name, called]: [&str; 2], folder: &Path) -> Result<(), WriteError> {
     let command = command.disable_help_subcommand(true).display_name(name.to_owned()).bin_name(called.to_owned());
     for verb in command.get_subcommands().filter(|verb| !verb.is_hide_set() && verb.get_name() != "help") {

@@ -1,5 +1,5 @@
-//! What tapline's programs ask of the machine they run on and of the people who run them: arguments that all verbs share,
-//! messages, progress, tables, files that appear complete, signals, and who connects over a network.
+//! What tapline's programs need from the machine and to talk to their users: arguments that all verbs share,
+//! messages, progress, tables, files that appear complete, signals, and network connections.
 
 pub mod arguments;
 pub mod atomic_file;

@@ -11,13 +11,13 @@ use tracing_subscriber::util::SubscriberInitExt as _;
 use crate::arguments::{LogArgs, LogFormat};
 use crate::colour;
 
-/// How this process was asked to log, which the stages of a line are started with too.
+/// How this process was asked to log; the stages of a line are started with the same arguments.
 static ASKED: OnceLock<LogArgs> = OnceLock::new();
 
-/// Target of events that people read as plain lines: a log for programs has them whatever its level is.
+/// Target of events that people read as plain lines: a log for programs contains them at every level.
 pub const SAID: &str = "said";
 
-/// Starts the log of this process, with events of the level that `args` ask for, or of `level`, and above unless `TAPLINE_LOG`
+/// Starts the log of this process, with events of the level that `args` ask for, or `level`, and above, unless `TAPLINE_LOG`
 /// says otherwise.
 pub fn start(args: LogArgs, level: Option<LevelFilter>) {
     let args = *ASKED.get_or_init(|| args);
@@ -26,13 +26,13 @@ pub fn start(args: LogArgs, level: Option<LevelFilter>) {
     let log = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)
         .with_target(false)
-        // Where the log cannot be written it would panic, in the middle of a scan.
+        // If the log cannot be written, it would panic in the middle of a scan.
         .log_internal_errors(false);
     let log = match args.log {
         LogFormat::Text => log.with_ansi(colour::is_shown(&std::io::stderr())).boxed(),
         LogFormat::Json => log.with_ansi(false).json().flatten_event(true).boxed(),
     };
-    // Whatever strangers send to the OPC UA server would be an error of the line's; what the client of NATS says is said again, with
+    // Whatever strangers send to the OPC UA server would be logged as an error of the line; NATS client messages are logged again,
     // the server's name.
     let usual = || {
         Targets::new()
@@ -49,12 +49,12 @@ pub fn format() -> LogFormat {
     ASKED.get().map(|args| args.log).unwrap_or_default()
 }
 
-/// Whether errors alone are to be said.
+/// Whether only errors are to be printed.
 pub fn is_quiet() -> bool {
     ASKED.get().is_some_and(|args| args.quiet)
 }
 
-/// The arguments with which another process of this program logs the same.
+/// The arguments that make another process of this program log in the same way.
 pub fn arguments() -> Vec<String> {
     let Some(args) = ASKED.get() else { return Vec::new() };
     let log = ["--log", "json"].into_iter().filter(|_| args.log == LogFormat::Json);

@@ -1,4 +1,4 @@
-//! Messages to people on standard error, which may be a full disk or a pipe whose reader has gone: that ends nothing.
+//! Messages to people on standard error. It may be a full disk or a pipe without a reader; the program continues.
 
 use std::error::Error;
 use std::io::Write as _;
@@ -7,18 +7,18 @@ use crate::arguments::LogFormat;
 use crate::log::{self, SAID};
 use crate::similar::meant_instead;
 
-/// Writes `text` and a line's end.
+/// Writes `text` and a newline.
 pub fn print_line(text: &str) {
     // If standard error is closed or full, nothing can be done about it.
     drop(writeln!(std::io::stderr(), "{text}"));
 }
 
-/// `count` and the noun: `one`, or `more` if it is plural.
+/// `count` and the noun: `one` for 1, else the plural `more`.
 pub fn counted(count: usize, one: &str, more: &str) -> String {
     format!("{count} {}", if count == 1 { one } else { more })
 }
 
-/// Tells people `text`, unless they asked for errors alone; into a log for programs it goes as an event.
+/// Prints `text` for people, unless only errors are wanted; a log for programs gets it as an event.
 pub fn say(text: &str) {
     match log::format() {
         LogFormat::Text if log::is_quiet() => {}
@@ -27,7 +27,7 @@ pub fn say(text: &str) {
     }
 }
 
-/// Prints the error that has ended the program called `program`.
+/// Prints the error that ended the program called `program`.
 pub fn print_failure(program: &str, error: &(dyn Error + 'static)) {
     let mut text = with_causes(error);
     if let Some(meant) = meant_instead(&text) {
@@ -43,7 +43,7 @@ pub fn print_failure(program: &str, error: &(dyn Error + 'static)) {
     }
 }
 
-/// The error with its causes, each once: many errors name their cause themselves.
+/// The error with its causes, each once: many messages already contain their cause.
 pub fn with_causes(error: &(dyn Error + 'static)) -> String {
     std::iter::successors(Some(error), |&error| error.source()).fold(String::new(), |text, cause| {
         match cause.to_string() {

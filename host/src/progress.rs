@@ -1,4 +1,4 @@
-//! How far a verb is: a bar with the time left on a terminal, plain lines at long intervals elsewhere.
+//! Progress of a verb: a bar with the time left on a terminal, plain lines at long intervals elsewhere.
 
 use std::fmt;
 use std::io::IsTerminal as _;
@@ -13,21 +13,21 @@ use crate::messages::{print_line, say};
 /// Time between plain lines.
 const LINE_EVERY: Duration = Duration::from_secs(10);
 
-/// What ends sooner needs no progress.
+/// Work that ends sooner shows no progress.
 const SHOWN_AFTER: Duration = Duration::from_secs(1);
 
 /// What is counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unit {
-    /// Things that are called so.
+    /// Things with this name.
     Things(&'static str),
     /// Bytes, which are shown as megabytes.
     Bytes,
-    /// Parts of the whole, which are shown in per cent.
+    /// Parts of the whole, which are shown as a percentage.
     Part,
 }
 
-/// How far a verb is. It ends, and leaves nothing on a terminal, when it is dropped.
+/// Progress of a verb. When dropped it ends, and leaves nothing on a terminal.
 #[derive(Debug)]
 pub struct Progress {
     unit: Unit,
@@ -48,7 +48,7 @@ impl Progress {
         Self { unit, total, last: None, bar, begun_at: now, printed_at: now }
     }
 
-    /// There will be so many more.
+    /// Adds `count` to the total.
     pub fn more(&mut self, count: u64) {
         self.total = self.total.map(|total| total + count);
         if let (Some(bar), Some(total)) = (&self.bar, self.total) {
@@ -56,7 +56,7 @@ impl Progress {
         }
     }
 
-    /// Prints something beside the progress.
+    /// Prints `text` without disturbing the bar.
     pub fn print(&self, text: &str) {
         match &self.bar {
             Some(_) => self.beside(|| print_line(text)),
@@ -72,12 +72,12 @@ impl Progress {
         }
     }
 
-    /// Shows that `position` things are done, since the beginning; whether that is news.
+    /// Shows that `position` things are done, since the beginning; returns whether `position` is new.
     pub fn update(&mut self, position: u64) -> bool {
         self.update_since(position, position, self.begun_at)
     }
 
-    /// Shows that `position` things are done, `done` of them since `since`; whether that is news.
+    /// Shows that `position` things are done, `done` of them since `since`; returns whether `position` is new.
     pub fn update_since(&mut self, position: u64, done: u64, since: Instant) -> bool {
         let is_news = self.last.replace(position) != Some(position);
         let Some(total) = self.total else { return is_news };
@@ -125,7 +125,7 @@ impl Drop for Progress {
     }
 }
 
-/// A rate to two digits at least.
+/// A rate with at least two digits.
 struct Rate(f64);
 
 impl fmt::Display for Rate {

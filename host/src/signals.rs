@@ -1,6 +1,6 @@
 //! The signals that ask a process to end.
 //!
-//! A program that must come to an end in good order polls [`stop_flag`]. All others end at once, and leave nothing half-written:
+//! A program that must shut down cleanly polls [`stop_flag`]. All others end at once, and leave nothing half-written:
 //! [`end_on_signals`] removes the drafts in the folders that were noted by [`note_folder`].
 
 use std::collections::BTreeSet;
@@ -16,10 +16,10 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use signal_hook::low_level::emulate_default_handler;
 
-/// Removes the drafts of the process that becomes this shell, then ends it by the signal that is its first word. The folders follow.
-/// A draft is called `NAME.PID.new`, or `NAME.PID-RANDOM.new` with six characters. A second signal is ignored meanwhile, but for one
-/// that comes in the millisecond before the shell has begun. Process 1 of a container does not end by a signal of its own; it exits
-/// with the number that shells give such an end.
+/// Removes the drafts of the process that becomes this shell, then ends it by the signal in `$0`. The arguments are the folders.
+/// A draft is called `NAME.PID.new`, or `NAME.PID-RANDOM.new` with six characters. A second signal is ignored, except one
+/// in the millisecond before the shell starts. Process 1 of a container cannot end itself by a signal; it exits
+/// with the number that shells use for a death by signal.
 const END: &str = r#"trap '' INT TERM
 for folder; do
   for name in '*' '.*'; do rm -rf -- "$folder"/$name.$$.new "$folder"/$name.$$-[!.][!.][!.][!.][!.][!.].new; done
@@ -43,7 +43,7 @@ pub fn stop_flag() -> io::Result<Arc<AtomicBool>> {
 /// Folders in which this process may have drafts.
 static FOLDERS: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-/// Notes that a draft of `path` may be written beside it.
+/// Notes that a draft of `path` may be written next to it.
 pub fn note_folder(path: &Path) {
     let path = path.canonicalize().or_else(|_| std::path::absolute(path)).unwrap_or_else(|_| path.to_owned());
     if let Some(folder) = path.parent() {
@@ -53,7 +53,7 @@ pub fn note_folder(path: &Path) {
 
 /// From now on SIGTERM and SIGINT end this process as they do any other, after its drafts are removed.
 ///
-/// The process becomes a shell that removes them: its other threads end by that, so that none writes another draft meanwhile.
+/// The process becomes a shell that removes them. This ends its other threads, so none can write another draft.
 ///
 /// # Errors
 /// What the system returns.
@@ -61,9 +61,9 @@ pub fn end_on_signals() -> io::Result<()> {
     let mut signals = Signals::new([SIGTERM, SIGINT])?;
     let end = move || {
         if let Some(signal) = signals.forever().next() {
-            // Held to the end, so that no draft begins in a folder that the shell is not told of.
+            // Held to the end, so that no draft begins in a folder unknown to the shell.
             let folders = FOLDERS.lock().unwrap_or_else(PoisonError::into_inner);
-            // It returns only where there is no shell: the drafts then stay.
+            // It returns only if there is no shell; the drafts then stay.
             drop(Command::new("/bin/sh").args(["-c", END, &signal.to_string()]).args(&*folders).exec());
             // Only a signal that cannot be sent to oneself fails; the program then ends by itself.
             drop(emulate_default_handler(signal));

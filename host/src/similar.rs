@@ -1,11 +1,11 @@
-//! What was probably meant by a name that is none.
+//! Which known name an unknown one probably means.
 
-/// How alike two names must be, from 0 to 1, to be taken for each other's slip.
+/// How similar two names must be, from 0 to 1, for one to be a typo of the other.
 const ALIKE: f64 = 0.8;
 
-/// The one of `known` that is most like `name`, if one is alike enough.
+/// The most similar of `known` to `name`, if one is similar enough.
 pub fn most_like<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    // One letter too many, too few, wrong, or in its neighbour's place counts little, also in a short name.
+    // One letter extra, missing, wrong or swapped with its neighbour counts little, even in a short name.
     let is_one_off = |known: &str| known.len() > 2 && strsim::damerau_levenshtein(name, known) == 1;
     let score = |known: &str| if is_one_off(known) { 1.0 } else { strsim::jaro_winkler(name, known) };
     let alike = known.into_iter().map(|known| (score(known), known)).filter(|(score, _)| *score >= ALIKE);
@@ -17,10 +17,10 @@ pub fn did_you_mean<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) ->
     most_like(name, known).map(|known| format!("did you mean {known:?}?"))
 }
 
-/// `did you mean "KNOWN"?` for the name that the reader of a TOML file or a table refuses in `message`: it quotes that name, and
-/// then those it knows.
+/// `did you mean "KNOWN"?` for the name that the reader of a TOML file or a table refuses in `message`: it quotes this name and
+/// then the known ones.
 pub fn meant_instead(message: &str) -> Option<String> {
-    if let Some((before, known)) = message.split_once(" is no discriminator; there are ") {
+    if let Some((before, known)) = message.split_once(" is not a discriminator; known: ") {
         let name = before.trim_end_matches('"').rsplit('"').next()?;
         return did_you_mean(name, known.lines().next()?.split(", "));
     }

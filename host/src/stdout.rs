@@ -1,4 +1,4 @@
-//! Standard output, and whether it could be written.
+//! Standard output, and whether writing to it failed.
 
 use std::fmt;
 use std::io::{self, ErrorKind, Write};
@@ -12,7 +12,7 @@ pub fn fault() -> Option<ErrorKind> {
     FAULT.get().copied()
 }
 
-/// Standard output. An error of writing it says so, or it would be taken for one of what is written.
+/// Standard output. Its write errors name it; otherwise they would look like errors of the data source.
 #[derive(Debug, Clone, Copy)]
 pub struct Stdout;
 
@@ -25,14 +25,14 @@ impl Write for Stdout {
         io::stdout().flush().map_err(named)
     }
 
-    /// In one piece, where threads print beside each other.
+    /// In one piece, because several threads may print at once.
     fn write_fmt(&mut self, text: fmt::Arguments<'_>) -> io::Result<()> {
         io::stdout().lock().write_fmt(text).map_err(named)
     }
 }
 
 fn named(error: io::Error) -> io::Error {
-    // Who writes tries that again.
+    // The caller retries after this one.
     if error.kind() == ErrorKind::Interrupted {
         return error;
     }

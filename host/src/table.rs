@@ -4,13 +4,13 @@ use std::io::IsTerminal as _;
 
 use comfy_table::{ColumnConstraint, ContentArrangement, LineStyle, Table, TableStyle, Width};
 
-/// Columns of a terminal that does not tell how wide it is, and of what is no terminal.
+/// Columns of a terminal of unknown width, and of output that is not a terminal.
 const WIDTH: u16 = 80;
 
 /// A line under the names of the columns, and no other.
 const STYLE: TableStyle = TableStyle::new().header_separator(LineStyle::none().fill('─').junction('─'));
 
-/// An empty table with these columns, which breaks the lines of its cells to fit the terminal, or 80 columns.
+/// An empty table with these columns, whose cells are wrapped to fit the terminal, or 80 columns.
 pub fn table<T: ToString>(header: impl IntoIterator<Item = T>) -> Table {
     let mut table = Table::new();
     table.load_style(STYLE).set_content_arrangement(ContentArrangement::Dynamic);
@@ -21,7 +21,7 @@ pub fn table<T: ToString>(header: impl IntoIterator<Item = T>) -> Table {
     table
 }
 
-/// Breaks the cells of the last column alone, between words: all others are as wide as what is in them.
+/// Wraps only the cells of the last column, between words: all other columns are as wide as their content.
 pub fn break_last_column(table: &mut Table) {
     break_between_words(table);
     let last = table.column_count().saturating_sub(1);
@@ -30,7 +30,7 @@ pub fn break_last_column(table: &mut Table) {
     });
 }
 
-/// Breaks cells between words alone, so that a number stays whole; a table of many columns may be wider than the terminal for it.
+/// Wraps cells only between words, so that numbers stay whole; a table of many columns may then exceed the terminal.
 pub fn break_between_words(table: &mut Table) {
     let longest = |text: &str| text.split_whitespace().map(|word| word.chars().count()).max().unwrap_or(0);
     let mut widths = vec![0; table.column_count()];

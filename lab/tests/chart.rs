@@ -58,5 +58,5 @@ fn a_part_of_the_panels_is_named_and_put_elsewhere() {
     std::fs::create_dir(sandbox.path("mine")).unwrap();
     std::fs::write(sandbox.path("mine/README.md"), "mine").unwrap();
     let refused = sandbox.run("chart --quick --panel spectrum --out mine");
-    assert!(refused.expect(1).err.contains("mine exists already: name another, or replace it by --force"));
+    assert!(refused.expect(1).err.contains("mine exists already: give another name, or replace it with --force"));
 }

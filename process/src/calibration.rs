@@ -1,8 +1,8 @@
-//! What full-scale samples are worth, from what is known to have been recorded: blows of a known peak, or a tone of a known level.
+//! The value of full-scale samples, from recordings of known signals: blows of a known peak, or a tone of a known level.
 
 use std::f64::consts::{SQRT_2, TAU};
 
-/// Hertz between the frequencies at which a tone is looked for, and how far from the stated one it may lie.
+/// Step of the frequencies at which a tone is sought, and how far from the stated one it may lie.
 const STEP_HZ: f64 = 0.25;
 const SEARCH: f64 = 0.02;
 
@@ -14,11 +14,11 @@ const PARTS: usize = 8;
 pub struct Blows {
     /// Newtons of a full-scale sample: the mean over the blows.
     pub full_scale_n: f64,
-    /// Standard deviation over the blows, as part of it.
+    /// Standard deviation over the blows, as a fraction of the mean.
     pub spread: f64,
 }
 
-/// The scale by which blows with these `peaks`, as parts of full scale, had the peaks `known_n`; `None` of fewer than two, or of
+/// The scale at which blows with these `peaks`, in parts of full scale, had peaks `known_n`; `None` for fewer than two, or for
 /// a peak that is not above 0.
 pub fn of_blows(peaks: &[f64], known_n: &[f64]) -> Option<Blows> {
     let scales: Vec<f64> = peaks.iter().zip(known_n).map(|(peak, known_n)| known_n / peak).collect();
@@ -39,9 +39,9 @@ pub fn of_blows(peaks: &[f64], known_n: &[f64]) -> Option<Blows> {
 pub struct Tone {
     /// Root of the mean square of the tone alone, in the unit of the samples.
     pub rms: f64,
-    /// Where it was found.
+    /// Its frequency.
     pub frequency_hz: f64,
-    /// What is not the tone, as part of the whole: root of the mean squares.
+    /// The rest besides the tone, as a fraction of the whole: ratio of RMS values.
     pub rest: f64,
     /// Largest difference between parts of the recording and the whole, as part of the level.
     pub drift: f64,

@@ -1,4 +1,4 @@
-//! What can be wrong with a configuration. Bad data is not an error.
+//! Errors of a configuration. Bad data are not an error.
 
 /// Why an extractor cannot be made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

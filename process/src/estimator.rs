@@ -1,6 +1,6 @@
-//! The estimators that `[process]` can choose, besides the defaults.
+//! The estimators that can be chosen in `[process]`.
 //!
-//! `docs/estimators.md` measures what each is good for. Where a record does not allow an estimator, it falls back on
+//! `docs/estimators.md` measures the merit of each. If a record does not allow an estimator, it falls back on
 //! another, as documented here, so that the value is not lost.
 
 use serde::{Deserialize, Serialize};

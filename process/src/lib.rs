@@ -1,11 +1,11 @@
 //! The discriminators of one tap, from its force and sound.
 //!
-//! Definitions are those of the method's section 2; each file states the ones it implements and where it goes beyond
+//! Definitions are those of section 2 of the method; each file states which it implements and where it goes beyond
 //! them. A value that cannot be computed is absent, and a [`Quality`] flag says why.
 //!
 //! - `signal`: levels, extents and sums, which everything else needs first
 //! - `force`: peak, duration and onset of the pulse; `sound`: the two areas; `spectrum`: the powers
-//! - `quality`: what is wrong with a tap; `calibration`: what samples are worth
+//! - `quality`: what is wrong with a tap; `calibration`: scales of samples
 //! - `extractor`: one tap in, its discriminators out; `estimator`: the choices of `[process]`
 //! - `stage`: the process `process` of a line
 //!

@@ -1,4 +1,4 @@
-//! `process` on a line: one thread, which reads samples in place. More threads would be slower: to wake one takes as long as
+//! `process` on a line: one thread, which reads samples in place. More threads would be slower: waking one takes as long as
 //! extracting a tap of 50 ms.
 
 use std::time::Duration;
@@ -45,7 +45,7 @@ pub struct Outcome {
 /// Turns the taps on `line` into discriminators until asked to stop.
 ///
 /// # Errors
-/// [`RunError`] when the configuration is not valid or shared memory fails. Being asked to stop is no error.
+/// [`RunError`] if the configuration is not valid or shared memory fails. Being asked to stop is not an error.
 pub fn run(line: &Line, config: &ProcessConfig) -> Result<Outcome, RunError> {
     let mut stage = StageLoop::open(line, config)?;
     match stage.serve() {

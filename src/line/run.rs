@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Context as _, Result, bail, ensure};
 use serde::{Deserialize, Serialize};
 use tapline_acquire::StationSource;
 use tapline_fuse::Reference;
@@ -16,7 +16,7 @@ use tapline_host::atomic_file::{Existing, write_atomically};
 use tapline_host::messages::{counted, say};
 use tapline_host::progress::{Progress, Unit};
 use tapline_host::signals::stop_flag;
-use tapline_store::{digest_of, hex_of, lineage_change};
+use tapline_store::{UNREPORTED_FOLDER, digest_of, hex_of, lineage_change};
 use tapline_wire::{Line, LineAddress, Role, Services};
 
 use crate::cli::line::{LineArgs, RunArgs};
@@ -49,6 +49,12 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
     // Casings that cannot be judged, or not at once, are reported before anything is scanned.
     let listed = Listed::check(&job, &setup)?;
     let mut folder = OutFolder::take(&job.out)?;
+    // Its casings under way would be taken for those of the list.
+    ensure!(
+        !folder.path().join(UNREPORTED_FOLDER).is_dir(),
+        "{} is the folder of a `tapline line`: give another --out",
+        folder.path().display()
+    );
     RunFile::new(&job, &setup, &listed).check_or_write(folder.path())?;
     folder.clear_left(GONE_WITHIN)?;
     let places = setup.places();
@@ -100,6 +106,11 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     // What cannot be served is refused before a line begins.
     let (show, shown_at) = show_on_page(args, &job.config.report)?;
     let mut folder = OutFolder::take(&job.out)?;
+    ensure!(
+        !folder.path().join(RUN_FILE).exists(),
+        "{} is the folder of a `tapline run`: give another --out",
+        folder.path().display()
+    );
     folder.clear_left(GONE_WITHIN)?;
     setup.check_machine()?;
     say_unsupported(&job);

@@ -164,6 +164,7 @@ pub(crate) fn check(config: &LineConfig) -> Result<()> {
     if let Some((name, _)) = named.into_iter().find(|(_, is_named)| *is_named && !cfg!(feature = "plant")) {
         return built_without(&format!("[line.{name}]"), "plant");
     }
+    config.on_verdict.as_deref().map(on_verdict::check).transpose()?;
     #[cfg(feature = "plant")]
     {
         config.mqtt.as_ref().map(mqtt::check).transpose()?;

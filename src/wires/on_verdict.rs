@@ -7,7 +7,7 @@ use std::sync::{Arc, OnceLock};
 use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Context as _, Result, bail, ensure};
 use crossbeam::channel::{self, RecvTimeoutError, Sender, bounded};
 use rustix::process::{Pid, Signal, kill_process_group};
 use tapline_store::Unreported;
@@ -49,6 +49,22 @@ struct Runner {
     outbox: Arc<Outbox>,
     news: channel::Receiver<()>,
     until: Arc<OnceLock<Instant>>,
+}
+
+/// Refuses a command that the shell would not find: the verdicts that it is for would be lost to it. A relative path may be there
+/// where the line is started, and other words of the shell are not looked up.
+pub(super) fn check(command: &str) -> Result<()> {
+    let word = command.split_whitespace().next().unwrap_or_default();
+    let is_plain = word.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"/._-+".contains(&byte));
+    if !is_plain || (word.contains('/') && !word.starts_with('/')) {
+        return Ok(());
+    }
+    let found = Command::new("/bin/sh").args(["-c", "command -v \"$0\"", word]).stdout(Stdio::null()).status();
+    ensure!(
+        found.context("cannot run /bin/sh")?.success(),
+        "line.on_verdict = {command:?}: {word} is not a command on this machine"
+    );
+    Ok(())
 }
 
 impl VerdictCommand {

@@ -192,7 +192,7 @@ fn what_cannot_be_a_reference_is_refused() {
         &["X/1", "does not have it", "tapline reference FOLDER"],
     );
     sandbox.write("bad.json", "{}");
-    refused("run --config sound.toml --out a --reference bad.json", &["bad.json", "no reference"]);
+    refused("run --config sound.toml --out a --reference bad.json", &["bad.json", "not a reference"]);
     refused(&format!("reference {SOUND} --out sound.txt"), &["sound.txt", ".json"]);
     refused(&format!("reference {SOUND} --shoulder S9/1 --out s.json"), &["S9/1"]);
     // An archive that is named twice counts once.

@@ -4,7 +4,7 @@ use std::time::UNIX_EPOCH;
 
 /// The time of day in ns since the Unix epoch.
 ///
-/// It tells the lives of a process apart and dates taps; it enters no result outside `acquire`.
+/// It distinguishes the runs of a process and dates taps; outside `acquire` it enters no result.
 pub fn now_ns() -> i64 {
     #[expect(clippy::disallowed_methods, reason = "this is the one place that reads the time of day")]
     let now = std::time::SystemTime::now();

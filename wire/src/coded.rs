@@ -1,18 +1,18 @@
-//! The numbers and the names of the variants of an enum, each with the way back, from one table.
+//! Numbers and names for the variants of an enum, and the reverse mappings, from one table.
 
 /// Gives the enum `$of` a number for each variant: `code` and `from_code`.
 #[macro_export]
 macro_rules! coded {
     ($of:ident: $number:ty, $($variant:ident = $code:literal),+ $(,)?) => {
         impl $of {
-            /// Number that stands for it on the wire and in archives.
+            /// Its number on the wire and in archives.
             pub fn code(self) -> $number {
                 match self {
                     $(Self::$variant => $code,)+
                 }
             }
 
-            /// The one that `code` stands for.
+            /// The variant with the number `code`.
             pub fn from_code(code: $number) -> Option<Self> {
                 match code {
                     $($code => Some(Self::$variant),)+

@@ -1,21 +1,21 @@
-//! Texts in cells of CSV files, which spreadsheets take for formulas when they begin as one.
+//! Text in CSV cells that a spreadsheet would take for a formula.
 //!
-//! Such a text gets an apostrophe before it, and so does one that begins with apostrophes and goes on as a formula: then
-//! every text comes back as it was.
+//! Such text is prefixed with an apostrophe, and so is text in which apostrophes precede a formula, so that
+//! every text can be restored.
 
 use std::borrow::Cow;
 
-/// Whether a spreadsheet would compute a cell with `text`, apostrophes before it left out.
+/// Whether a spreadsheet would evaluate a cell with `text`, ignoring leading apostrophes.
 fn is_formula(text: &str) -> bool {
     text.trim_start_matches('\'').starts_with(['=', '+', '-', '@', '\t', '\r'])
 }
 
-/// `text` for a cell of a CSV file, such that no spreadsheet computes it. Numbers are not to be given: `-1` is one.
+/// `text` for a CSV cell, so that no spreadsheet evaluates it. Not for numbers: `-1` looks like a formula.
 pub fn csv_cell(text: &str) -> Cow<'_, str> {
     if is_formula(text) { Cow::Owned(format!("'{text}")) } else { Cow::Borrowed(text) }
 }
 
-/// The text that [`csv_cell`] gave `cell` for.
+/// The text from which [`csv_cell`] made `cell`.
 pub fn csv_text(cell: &str) -> &str {
     cell.strip_prefix('\'').filter(|text| is_formula(text)).unwrap_or(cell)
 }

@@ -1,38 +1,38 @@
 //! The records that cross between stages, and the shared-memory topics that carry them.
 //!
-//! - `record`: the records themselves; `plan`: which taps must exist, and what has become of each. Neither uses shared
+//! - `record`: the records themselves; `plan`: which taps must exist, and the state of each. Neither uses shared
 //!   memory.
-//! - `stream`: a [`Line`] in shared memory, its topics, and what sends and receives on them
+//! - `stream`: a [`Line`] in shared memory, its topics, and their publishers and subscribers
 //!
 //! # Laws of the stream
 //!
-//! 1. Every record carries the [`TapId`] it is about, and a sequence number; times are `i64` ns since the Unix epoch,
+//! 1. Every record carries the [`TapId`] it is about and a sequence number; times are `i64` ns since the Unix epoch,
 //!    and only `acquire` reads a clock for a time that enters a result.
 //!    (`stream/topic.rs`: no topic has a header without a stamp; `tests/laws.rs`: `law_1_only_acquire_reads_a_clock_for_a_result`;
-//!    a clock elsewhere is refused by `clippy.toml`)
-//! 2. No record is dropped to keep up: a slow stage makes the sources wait. A gap in a sequence is a loss: it is counted and
+//!    `clippy.toml` forbids clocks elsewhere)
+//! 2. No record is dropped to keep up: a slow stage makes the sources wait. A gap in a sequence is a loss. It is counted and
 //!    logged at ERROR, and the missing taps are requested again.
 //!    (`tests/stream.rs`: all; `stream/subscriber.rs`: `a_gap_is_counted_once`; the program's `tests/faults/killed.rs`: all)
 //! 3. Samples are planar `[channel][sample]`, as the converter gave them, with the unit scale of each channel in the
 //!    header. Only the writer to disk copies them; the archive returns them bit for bit.
 //!    (`record/tap.rs`: `samples_are_viewed_in_place`; the program's `tests/run/tap_sets.rs`: `a_clean_set_is_archived_bit_for_bit`)
-//! 4. Results do not depend on how the stream was interrupted, on the order of stations, or on the casings before.
+//! 4. Results do not depend on interruptions of the stream, on the order of stations, or on earlier casings.
 //!    (the program's `tests/run/results.rs`: `a_casing_does_not_depend_on_the_others`)
-//! 5. A scan ends in band. No end, or a tap missing without a reason, and there is no PASS.
+//! 5. A scan ends in band. Without its end, or if a tap is missing without a reason, there is no PASS.
 //!    (`fuse`: `only_a_whole_sound_scan_passes`; the program's `tests/faults/killed.rs`: `an_interrupted_run_is_resumed`)
 //! 6. Same input, configuration and seed give the same results, byte for byte.
 //!    (the program's `tests/faults/killed.rs`: all; `tests/archives/reprocess.rs`: `the_same_lineage_gives_the_same_bits`)
-//! 7. The memory of a stage and the cost of a tap do not grow with the number of casings before.
+//! 7. The memory of a stage and the cost of a tap do not grow with the number of earlier casings.
 //!    (the program's `tests/line/endurance.rs`: `two_hundred_casings_leave_no_trace`)
 //!
 //! # How a record travels
 //!
 //! A process joins a [`Line`] in a [`Role`], opens a [`Publisher`] or a [`Subscriber`] on a [`Topic`], and waits to be
-//! notified. A publisher sends every subscriber a handshake record, and nothing else before each has answered READY: a
+//! notified. A publisher sends every subscriber a handshake record, and nothing else until each has answered READY: a
 //! subscriber that has not mapped its connection yet would lose records silently.
 //!
-//! A record names its casing by a number that follows from the file's name ([`casing_number`]). `store` sends each process what
-//! it needs to know of the open casings ([`CasingTopic`]), and sends it again when that process, or `store`, restarts.
+//! A record names its casing by a number derived from the file's name ([`casing_number`]). `store` sends each process what
+//! it needs to know about the open casings ([`CasingTopic`]), and sends it again when that process or `store` restarts.
 //!
 //! ```
 //! use std::{sync::Arc, time::Duration};

@@ -1,6 +1,6 @@
-//! A station without a rig: somebody taps by hand, or a machine by itself, in the order of the plan.
+//! A station without a rig: a person taps by hand, or a machine on its own, in the order of the plan.
 //!
-//! Each tap that is heard is the next one. So nothing is asked for again: whoever taps would be one place ahead.
+//! Each tap that is heard counts as the next one. So no tap is requested again: the person would be one place ahead.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -15,18 +15,18 @@ use crate::capture::{CaptureConfig, DeviceName};
 use crate::source::{serial_of, unknown_name};
 use crate::{About, Arrival, Arrivals, Casing, Error, Readiness, Refusal, ScanConfig, Source, Wake};
 
-/// The casings that are tapped at a station without a rig: one after the other, each begins with its first tap.
+/// The casings tapped at a station without a rig, one after the other; each begins with its first tap.
 #[derive(Debug)]
 pub(crate) struct ByHand {
     ear: Arc<Ear>,
     station: u16,
     scan: ScanConfig,
-    /// Holds the serial of the casing that is there.
+    /// The file with the serial of the present casing.
     serial_file: Option<PathBuf>,
-    /// When that was written last for a casing that is not the next one.
+    /// When that file was last written for an earlier casing.
     serial_written: Option<SystemTime>,
     last_unknown_name: String,
-    /// The tap that comes next, for people.
+    /// The next tap, in words.
     next_tap: Arc<Mutex<String>>,
 }
 
@@ -48,20 +48,20 @@ impl ByHand {
 
     /// The station that hears with `ear`.
     fn of(ear: Arc<Ear>, serial_file: Option<PathBuf>, station: u16, scan: &ScanConfig) -> Self {
-        // What is there already may be the serial of the casing before, which was judged or left before a restart.
+        // The file may still hold the serial of the previous casing, which was judged or left before a restart.
         let serial_written = serial_file.as_deref().and_then(written);
         let (scan, last_unknown_name, next_tap) = (scan.clone(), String::new(), Arc::default());
         Self { ear, station, scan, serial_file, serial_written, last_unknown_name, next_tap }
     }
 
-    /// The serial in the file, or a name for a casing of which none is known.
+    /// The serial in the file, or a made-up name if there is none.
     fn name(&mut self) -> String {
         if let Some(file) = &self.serial_file {
             let written = written(file);
             match std::fs::read_to_string(file) {
                 Ok(_) if written == self.serial_written => {
                     tracing::error!(
-                        "{}: it still has the serial of the casing before, or one from before the line was started",
+                        "{}: it still has the serial of the previous casing, or one from before the line was started",
                         file.display()
                     );
                 }
@@ -69,7 +69,7 @@ impl ByHand {
                     self.serial_written = written;
                     return text.trim().to_owned();
                 }
-                Ok(text) => tracing::error!("{}: {:?} is no serial", file.display(), text.trim()),
+                Ok(text) => tracing::error!("{}: {:?} is not a serial", file.display(), text.trim()),
                 Err(error) => tracing::error!("{}: {error}", file.display()),
             }
         }
@@ -97,7 +97,7 @@ impl Arrivals for ByHand {
                 format!("the first tap of a casing{serial}");
             return Ok(Arrival::NotYet);
         }
-        // They would end this casing when their turn comes.
+        // They would end this casing once they are taken.
         self.ear.forget_lost();
         let name = self.name();
         let serial = serial_of("the serial of a casing", &name)?;
@@ -119,7 +119,7 @@ impl Arrivals for ByHand {
         self.ear.fault().unwrap_or_else(|| format!("{next_tap}, at {}", self.ear.device))
     }
 
-    /// A casing that was left half tapped is not known again.
+    /// A casing that was left half tapped cannot be recognised later.
     fn patience(&self) -> Option<Duration> {
         Some(Duration::ZERO)
     }
@@ -133,9 +133,9 @@ impl Arrivals for ByHand {
 #[derive(Debug)]
 struct TappedByHand {
     heard: HeardCasing,
-    /// Rows that were made.
+    /// Rows that were tapped.
     made: BTreeSet<u32>,
-    /// How often taps had been lost when it began.
+    /// The loss count when it began.
     losses_before: u64,
     next_tap: Arc<Mutex<String>>,
 }
@@ -152,7 +152,7 @@ impl Source for TappedByHand {
             );
         }
         if self.made.contains(&row) && !self.heard.has_taken(row) {
-            return Readiness::Refused(self.heard.refusal("its samples are not kept any more"));
+            return Readiness::Refused(self.heard.refusal("its samples are no longer kept"));
         }
         let readiness = self.heard.poll(row, attempt);
         if readiness == Readiness::Ready {
@@ -176,7 +176,7 @@ fn written(file: &Path) -> Option<SystemTime> {
     std::fs::metadata(file).and_then(|metadata| metadata.modified()).ok()
 }
 
-/// Where to tap, for people.
+/// Where to tap, in words.
 fn place_of(tap: &PlannedTap) -> String {
     let angle = tap.angle_deg.map_or_else(String::new, |angle| format!(" ({angle} degrees)"));
     let offset = tap.id.offset_mm().map_or_else(String::new, |offset| format!(", {offset} mm from the belt edge"));

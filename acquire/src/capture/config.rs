@@ -1,4 +1,4 @@
-//! What a station hears with: the table `[capture]`.
+//! How a station hears taps: the table `[capture]`.
 
 use std::time::Duration;
 
@@ -16,7 +16,7 @@ use crate::{Error, ScanConfig};
 pub struct UldaqConfig {
     /// Volts at the greatest sample: 10 or 1.
     pub range_v: f64,
-    /// The channels whose sensors the module supplies: force, sound. They are AC-coupled, the others DC-coupled.
+    /// The channels whose sensors the module powers: force, sound. These are AC-coupled, the others DC-coupled.
     pub iepe: Vec<Channel>,
 }
 
@@ -26,7 +26,7 @@ impl Default for UldaqConfig {
     }
 }
 
-/// What a device records, and what of it is a tap.
+/// What a device records, and what counts as a tap.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CaptureConfig {
@@ -42,19 +42,19 @@ pub struct CaptureConfig {
     pub sound_channel: u16,
     /// Samples of a record before the force reaches the trigger level.
     pub pre_trigger_samples: u32,
-    /// Samples of a record, those before the trigger among them.
+    /// Samples of a record, including those before the trigger.
     pub sample_count: u32,
-    /// From the place that is hit to the microphone; unknown where left out.
+    /// Distance from the impact to the microphone; unknown if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub microphone_distance_m: Option<f64>,
-    /// How long the last samples are kept for a station that is busy.
+    /// How long the latest samples are kept while the station is busy.
     pub buffer_s: f64,
-    /// What a tap is.
+    /// What counts as a tap.
     pub trigger: TriggerConfig,
-    /// What the samples of this device are worth: from the calibration file of its station.
+    /// Units and scales of this device's samples: from the calibration file of its station.
     #[serde(skip)]
     pub calibration: CalibrationFile,
-    /// What a data acquisition module is told, besides.
+    /// Additional settings of a data acquisition module.
     pub uldaq: UldaqConfig,
 }
 
@@ -97,7 +97,7 @@ impl CaptureConfig {
         within("force_channel", self.force_channel.into(), 1, self.channels.into())?;
         within("sound_channel", self.sound_channel.into(), 1, self.channels.into())?;
         if self.force_channel == self.sound_channel {
-            return refuse("capture.sound_channel", self.sound_channel, "another than capture.force_channel");
+            return refuse("capture.sound_channel", self.sound_channel, "different from capture.force_channel");
         }
         within("sample_count", self.sample_count, 64, 4_000_000)?;
         within("pre_trigger_samples", self.pre_trigger_samples, 16, self.sample_count - 16)?;
@@ -113,10 +113,10 @@ impl CaptureConfig {
         self.trigger.validate("capture.trigger")
     }
 
-    /// The same, and what `device` cannot give.
+    /// The same, and checks what `device` supports.
     ///
     /// # Errors
-    /// [`Error::Setting`] for the first value that it cannot have.
+    /// [`Error::Setting`] for the first value that it does not allow.
     pub(crate) fn validate_for(&self, device: &DeviceName) -> Result<(), Error> {
         self.validate()?;
         if matches!(device, DeviceName::Uldaq(_)) && self.bits == 16 {
@@ -137,7 +137,7 @@ impl CaptureConfig {
         }
     }
 
-    /// What a casing needs that is scanned by `scan` and heard so.
+    /// What a casing needs if it is scanned by `scan` and recorded with this configuration.
     pub fn limits(&self, scan: &ScanConfig) -> tapline_wire::CasingLimits {
         scan.limits_of(self.recording().payload_bytes_max())
     }
@@ -177,7 +177,7 @@ mod tests {
             ("bits = 20", "capture.bits is 20; it must be 16, 24 or 32"),
             ("channels = 1", "capture.channels is 1"),
             ("sound_channel = 3", "capture.sound_channel is 3; it must be from 1 to 2"),
-            ("force_channel = 2", "capture.sound_channel is 2; it must be another than capture.force_channel"),
+            ("force_channel = 2", "capture.sound_channel is 2; it must be different from capture.force_channel"),
             ("pre_trigger_samples = 2385", "capture.pre_trigger_samples is 2385; it must be from 16 to 2384"),
             ("microphone_distance_m = 0.0", "capture.microphone_distance_m is 0"),
             ("buffer_s = nan", "capture.buffer_s is NaN"),

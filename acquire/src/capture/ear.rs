@@ -1,4 +1,4 @@
-//! What one station hears: the last samples of its device, and the taps that were found in them.
+//! What one station hears: the latest samples of its device, and the taps found in them.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -23,22 +23,22 @@ const ALARMS_MAX: usize = 16;
 /// First and longest wait before a device is opened again.
 const BACK_OFF: (Duration, Duration) = (Duration::from_millis(200), Duration::from_secs(5));
 
-/// Priority of the thread that listens, among those that run before all others.
+/// Real-time priority of the thread that listens.
 const PRIORITY: u8 = 50;
 
 /// Counts of a full-scale 16-bit sample.
 const COUNTS_FULL_SCALE: f32 = 32_768.0;
 
-/// A tap that was heard, all of its record.
+/// A tap that was heard, with its whole record.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct HeardTap {
     /// Where the trigger found it.
     pub(crate) crossing: Crossing,
     /// When the force was half of its peak, ns since the Unix epoch.
     pub(crate) time_ns: i64,
-    /// The same by a clock that nobody sets.
+    /// The same on a monotonic clock.
     at: Instant,
-    /// Whether another pulse came behind its record and within its hold-off.
+    /// Whether another pulse came after its record and within its hold-off.
     is_struck_again: bool,
 }
 
@@ -56,9 +56,9 @@ struct State {
     samples: Ring,
     /// The trigger level, a part of full scale.
     level: f64,
-    /// Found, but their records are not whole yet.
+    /// Found, but their records are not complete yet.
     begun: VecDeque<HeardTap>,
-    /// Whole, and not taken yet.
+    /// Complete, and not taken yet.
     taps: VecDeque<HeardTap>,
     alarms: Vec<String>,
     /// Why the device is not heard.
@@ -78,7 +78,7 @@ impl Ear {
     /// Listens to `device` for station number `station` until [`Ear::stop`]; `wake` is called when a tap was heard.
     ///
     /// # Errors
-    /// When there is no thread to be had. A device that is not there is no error: it is tried again.
+    /// If no thread can be started. A missing device is not an error: it is tried again.
     pub(crate) fn listen(
         device: &DeviceName,
         config: &CaptureConfig,
@@ -89,7 +89,7 @@ impl Ear {
         Self::listen_to(&device.to_string(), config, station, wake, move || device::open(&opened.0, &opened.1))
     }
 
-    /// The same of whatever `open` opens.
+    /// The same for the device that `open` opens.
     pub(super) fn listen_to(
         device: &str,
         config: &CaptureConfig,
@@ -124,7 +124,7 @@ impl Ear {
         self.is_stopped.store(true, Ordering::Relaxed);
     }
 
-    /// Has taps found at another trigger `level`.
+    /// Sets the trigger `level`.
     pub(crate) fn set_level(&self, level: f64) {
         self.state().level = level;
     }
@@ -140,7 +140,7 @@ impl Ear {
         self.state().loss_count
     }
 
-    /// The next tap whose samples are all there; those that came too late for that are passed over.
+    /// The next tap whose samples are all available; taps taken too late for that are skipped.
     pub(crate) fn take_tap(&self) -> Option<HeardTap> {
         let mut state = self.state();
         while let Some(tap) = state.taps.pop_front() {
@@ -148,7 +148,7 @@ impl Ear {
                 return Some(tap);
             }
             state.loss_count += 1;
-            state.alarm("a tap was heard and not taken in time: capture.buffer_s is too short, or samples were lost");
+            state.alarm("a tap was heard but not taken in time: capture.buffer_s is too short, or samples were lost");
         }
         None
     }
@@ -162,19 +162,19 @@ impl Ear {
         before - state.taps.len() - state.begun.len()
     }
 
-    /// Forgets the taps that wait and of whose samples some were lost since.
+    /// Drops waiting taps of which some samples have been lost since.
     pub(crate) fn forget_lost(&self) {
         let State { taps, samples, .. } = &mut *self.state();
         taps.retain(|tap| self.is_whole(samples, *tap));
     }
 
-    /// How many strikes were heard whose taps were not taken, with those whose records are not whole yet.
+    /// How many strikes were heard whose taps were not taken, including those with incomplete records.
     pub(crate) fn strike_count(&self) -> usize {
         let state = self.state();
         state.taps.iter().chain(&state.begun).map(|tap| 1 + usize::from(tap.is_struck_again)).sum()
     }
 
-    /// Copies the record of `tap` into `buffer`, channel by channel; `false` where it is not there any more.
+    /// Copies the record of `tap` into `buffer`, channel by channel; `false` if it is no longer available.
     pub(crate) fn copy(&self, tap: HeardTap, buffer: &mut [CacheLine]) -> bool {
         let (state, count) = (self.state(), self.config.sample_count as usize);
         if !self.is_whole(&state.samples, tap) {
@@ -182,7 +182,7 @@ impl Ear {
         }
         let (first, ring) = (self.first_frame(tap), &state.samples);
         match self.config.bits {
-            // The counts that the device gave: as parts of full scale they were not rounded.
+            // The original counts of the device: fractions of full scale hold them exactly.
             16 => ring.copy_to(first, &mut i16_of_mut(buffer)[..2 * count], |x| (x * COUNTS_FULL_SCALE) as i16),
             _ => ring.copy_to(first, &mut f32_of_mut(buffer)[..2 * count], |x| x),
         }
@@ -194,7 +194,7 @@ impl Ear {
         tap.crossing.sample.saturating_sub(self.config.pre_trigger_samples.into())
     }
 
-    /// Number of the frame behind the record of `tap`.
+    /// Number of the frame after the record of `tap`.
     fn end_frame(&self, tap: HeardTap) -> u64 {
         self.first_frame(tap) + u64::from(self.config.sample_count)
     }
@@ -241,7 +241,7 @@ impl Ear {
                 Ok(mut device) => {
                     tracing::info!("station {station}: listens to {}", self.device);
                     let why = self.follow(device.as_mut());
-                    // A fault is over with the first samples, not with a device that opens.
+                    // A fault ends with the first samples, not when the device opens.
                     if self.state().fault.is_none() {
                         wait = BACK_OFF.0;
                     }
@@ -269,14 +269,14 @@ impl Ear {
     /// Listens until the device fails; returns why.
     fn follow(&self, device: &mut dyn Device) -> String {
         let mut trigger = Trigger::new(&self.config.trigger, self.config.sample_rate_hz.into());
-        // A device that is opened again goes on behind what was heard before.
+        // The frames of a reopened device continue after those heard before.
         trigger.skip(self.state().samples.end());
         self.lost(&mut trigger, 1);
         let mut force = Vec::new();
         while !self.is_stopped.load(Ordering::Relaxed) {
             let outcome = device.read(&mut |chunk, behind| match chunk {
                 Chunk::Lost(frames) => {
-                    let text = format!("{} has lost about {frames} samples; a tap in them is not there", self.device);
+                    let text = format!("{} has lost about {frames} samples; any tap in them is lost", self.device);
                     tracing::error!("{text}");
                     self.state().alarm(&text);
                     self.lost(&mut trigger, frames);
@@ -299,7 +299,7 @@ impl Ear {
         trigger.skip(frames);
     }
 
-    /// Takes a piece of the stream, `behind` which so many frames have come already.
+    /// Takes a piece of the stream; `behind` frames have already come after it.
     fn hear(&self, trigger: &mut Trigger, frames: &[f32], behind: u64, force: &mut Vec<f32>) {
         let (width, picked) = (usize::from(self.config.channels), self.config.picked());
         let mut state = self.state();
@@ -318,7 +318,7 @@ impl Ear {
             state.begun.push_back(HeardTap { crossing, time_ns, at, is_struck_again: false });
         });
         for &second in trigger.seconds() {
-            // In the record it is the tap's: processing tells a double hit.
+            // Within the record it belongs to the tap: processing detects a double hit.
             let is_behind = |tap: &HeardTap| self.end_frame(*tap) <= second;
             let tap = state.begun.iter_mut().rfind(|tap| tap.crossing.sample < second).filter(|tap| is_behind(tap));
             if let Some(tap) = tap {
@@ -331,7 +331,7 @@ impl Ear {
             }
         }
         state.not_taps = trigger.not_taps();
-        // A crossing comes no later than a longest pulse after its tap begins.
+        // The crossing comes at most one longest pulse after the tap begins.
         let hold_off = trigger.hold_off_samples() + trigger.delay_samples() as u64;
         let mut is_news = false;
         while let Some(&tap) = state.begun.front() {
@@ -343,7 +343,7 @@ impl Ear {
             if state.taps.len() >= TAPS_MAX {
                 state.taps.pop_front();
                 state.loss_count += 1;
-                state.alarm("a tap was heard that nobody waited for");
+                state.alarm("a tap was heard that nobody took");
             }
             state.taps.push_back(tap);
             is_news = true;
@@ -363,7 +363,7 @@ impl State {
     }
 }
 
-/// Has this thread run before all others where that is allowed, and says where it is not.
+/// Gives this thread real-time priority if that is allowed, and logs whether it is.
 fn prefer_this_thread(station: u16) {
     use thread_priority::{
         RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,

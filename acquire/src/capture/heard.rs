@@ -1,4 +1,4 @@
-//! A casing whose taps are heard: each is copied once, from what was heard into its loan.
+//! A casing whose taps are heard: each is copied once, from the recording into its loan.
 
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ pub(crate) struct HeardCasing {
 }
 
 impl HeardCasing {
-    /// The casing `serial` on `station`, scanned by `scan`; what is cracked of it nobody knows.
+    /// The casing `serial` on `station`, scanned by `scan`; its cracks are unknown.
     pub(crate) fn new(ear: Arc<Ear>, scan: &ScanConfig, serial: Serial, station: u16) -> Result<Self, Error> {
         let config = &ear.config;
         let taps = taps_of(scan, std::iter::once((serial, station)))?;
@@ -36,7 +36,7 @@ impl HeardCasing {
         Ok(Self { ear, about, channels, taken: None })
     }
 
-    /// Whether the tap that was taken last is of plan row `row`, and still there.
+    /// Whether the last tap taken is that of plan row `row`, and still available.
     pub(crate) fn has_taken(&self, row: u32) -> bool {
         self.taken.is_some_and(|((of, _), tap)| of == row && self.ear.has(tap))
     }

@@ -1,8 +1,8 @@
-//! Live capture: a device that is heard without a pause, the taps that are found in it, and the casings they are of.
+//! Live capture: a device recorded without a pause, the taps found in it, and their casings.
 //!
-//! One thread for each station reads the device ([`device`]) into a ring of the last seconds ([`ring`]), and looks for taps in the
+//! One thread per station reads the device ([`device`]) into a ring of the last seconds ([`ring`]), and looks for taps in the
 //! force ([`trigger`]); [`ear`] holds both. A tap is copied once, from the ring into its loan, when the station takes it
-//! ([`heard`]). Who says which tap comes next is the rig, or, by hand, the order of the plan ([`by_hand`]).
+//! ([`heard`]). The rig determines which tap is next, or, by hand, the order of the plan ([`by_hand`]).
 
 pub(crate) mod by_hand;
 mod config;

@@ -1,4 +1,4 @@
-//! What a device gives now, for people who set it up.
+//! What a device records now, for people who set it up.
 
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ pub struct Monitor {
     count: u16,
 }
 
-/// A tap that was heard: everything of it that a stage gets.
+/// A tap that was heard, with all that a stage gets of it.
 #[derive(Debug, Clone)]
 pub struct MonitoredTap {
     /// Its header.
@@ -31,13 +31,13 @@ impl Monitor {
     /// Listens to `device` of `station`; `wake` is called when a tap was heard.
     ///
     /// # Errors
-    /// [`Error`] for a value out of its bounds, and when there is no thread to be had. A device that is not there is no
+    /// [`Error`] for a value out of its bounds, or if no thread can be started. A missing device is not an
     /// error: see [`Monitor::fault`].
     pub fn listen(device: &DeviceName, config: &CaptureConfig, station: u16, wake: Wake) -> Result<Self, Error> {
         config.validate_for(device)?;
         let ear = Ear::listen(device, config, station, wake)
             .map_err(|source| Error::Thread { what: format!("the device {device}"), source })?;
-        // Nobody knows where the taps are made.
+        // The places of the taps are unknown.
         let nowhere = ScanConfig { locations: 1, shoulders: 1, ..ScanConfig::default() };
         let taps = HeardCasing::new(Arc::clone(&ear), &nowhere, serial_of("the name of the monitor", "monitor")?, 0)?;
         Ok(Self { ear, taps, count: 0 })

@@ -1,4 +1,4 @@
-//! The last samples that were heard: bounded, and never waited for.
+//! The latest samples that were heard: bounded, and without waiting.
 
 /// The samples of the last while, parts of full scale, `[channel][frame]`; frames are numbered from the start of the stream.
 #[derive(Debug)]
@@ -6,7 +6,7 @@ pub(super) struct Ring {
     channels: Vec<Vec<f32>>,
     /// Number of the frame that comes next.
     end: u64,
-    /// Frames before this one are not there: they were never heard, or lie before an overrun.
+    /// Frames before this one are unavailable: they were never heard, or lie before an overrun.
     start: u64,
 }
 
@@ -24,7 +24,7 @@ impl Ring {
         self.channels.first().map_or(1, Vec::len)
     }
 
-    /// Adds `frames`, interleaved and `width` samples each, of which `picked` tells which become the channels, in their order.
+    /// Adds `frames`, interleaved and `width` samples each; `picked` lists those that become the channels, in this order.
     pub(super) fn push(&mut self, frames: &[f32], width: usize, picked: &[usize]) {
         let len = self.len();
         let first = (self.end % len as u64) as usize;
@@ -37,7 +37,7 @@ impl Ring {
         self.end += (frames.len() / width) as u64;
     }
 
-    /// Passes over `lost` frames: what came before them does not go on behind them.
+    /// Skips `lost` frames: earlier samples do not continue after them.
     pub(super) fn skip(&mut self, lost: u64) {
         self.end += lost;
         self.start = self.end;
@@ -56,7 +56,7 @@ impl Ring {
             .map(|channel: usize| frames.clone().map(move |n| self.channels[channel][(n % self.len() as u64) as usize]))
     }
 
-    /// Copies frames from `first` on, channel by channel, into `to`, each sample as `of` makes it: as many as it has room for. Only
+    /// Copies frames from `first` on, channel by channel, into `to` until it is full; `of` converts each sample. Only
     /// if [`Self::has`] them.
     pub(super) fn copy_to<T>(&self, first: u64, to: &mut [T], of: impl Fn(f32) -> T) {
         let (len, count) = (self.len(), to.len() / self.channels.len().max(1));

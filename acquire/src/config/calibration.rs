@@ -1,4 +1,4 @@
-//! A calibration file: what full-scale samples of a station or of a tap set are worth, and since when that is known.
+//! A calibration file: the values of full-scale samples of a station or a tap set, and since when they are known.
 
 use std::path::Path;
 
@@ -30,7 +30,7 @@ pub struct CalibrationFile {
     pub sound: Option<ChannelScale>,
 }
 
-/// What a full-scale sample of a channel is worth.
+/// The value of a full-scale sample of a channel.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ChannelScale {
@@ -86,16 +86,16 @@ impl CalibrationFile {
             }
             let bytes = certificate.method.len();
             if bytes == 0 || bytes > METHOD_BYTES_MAX || certificate.method.chars().any(char::is_control) {
-                let bound = format!("from 1 to {METHOD_BYTES_MAX} bytes of text in one line");
+                let bound = format!("from 1 to {METHOD_BYTES_MAX} bytes of text on one line");
                 return refuse(&key("certificate.method"), format!("{:?}", certificate.method), &bound);
             }
             let dates = [("date", Some(&certificate.date)), ("valid_until", certificate.valid_until.as_ref())];
             for (field, text) in dates.into_iter().filter_map(|(field, text)| Some((field, text?))) {
-                // Dates are compared as texts.
+                // Dates are compared as text.
                 if text.parse::<Date>().is_ok_and(|date| date.to_string() == *text) {
                     continue;
                 }
-                return refuse(&key(&format!("certificate.{field}")), format!("{text:?}"), "a date as 2026-11-24");
+                return refuse(&key(&format!("certificate.{field}")), format!("{text:?}"), "a date like 2026-11-24");
             }
             if let Some(until) = certificate.valid_until.as_ref().filter(|until| **until < certificate.date) {
                 let bound = format!("not before the date of the calibration, {}", certificate.date);
@@ -113,7 +113,7 @@ impl CalibrationFile {
         }
     }
 
-    /// Value of a full-scale sample of `channel`: 1 where nobody knows.
+    /// Value of a full-scale sample of `channel`: 1 if it is unknown.
     pub fn full_scale(&self, channel: Channel) -> f64 {
         self.of(channel).map_or(1.0, |scale| scale.full_scale)
     }

@@ -10,22 +10,22 @@ use tapline_wire::{CasingLimits, RETAKES_MAX, Serial};
 
 use crate::Error;
 
-/// Most taps of simulated tyres, those tapped again among them.
+/// Most taps of simulated tyres, including second readings.
 const TAPS_MAX: u64 = 10_000_000;
 
 /// Fastest impact that is simulated; at 1000 m/s the contact model means nothing.
 const VELOCITY_MAX_M_PER_S: f64 = 20.0;
 
-/// Farthest offset from the belt edge that a tap's name can hold.
+/// Largest offset from the belt edge that a tap's name can hold.
 const OFFSET_MAX_MM: f64 = 2000.0;
 
 /// How taps are acquired, whatever their source: the table `[acquire]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AcquireConfig {
-    /// Taps per second of each station; as fast as the line takes them when left out.
+    /// Taps per second of each station; if left out, as fast as the line takes them.
     pub taps_per_s: Option<f64>,
-    /// How often a tap whose record is of no use is taken again, where the source can; its last record stands.
+    /// How often a tap with an unusable record is taken again, if the source can; the last record counts.
     pub retakes: u16,
 }
 
@@ -53,11 +53,11 @@ impl AcquireConfig {
     }
 }
 
-/// What is tapped on a casing, and the simulated tyres: the table `[scan]`.
+/// What to tap on a casing, and the simulated tyres: the table `[scan]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ScanConfig {
-    /// Seed of everything that is left to chance.
+    /// Seed of everything random.
     pub seed: u64,
     /// Number of stations.
     pub stations: u16,
@@ -75,13 +75,13 @@ pub struct ScanConfig {
     pub closing_tap: bool,
     /// Time of the first tap of each station, ns since the Unix epoch: the simulation reads no clock.
     pub start_ns: i64,
-    /// Whether what stands out after these taps is tapped again before it is judged.
+    /// Whether places that stand out are tapped again before they are judged.
     pub confirm: bool,
     /// Time from tap to tap of a station.
     pub tap_period_s: f64,
-    /// Time that the impactor needs besides to go to another offset.
+    /// Additional time that the impactor needs to move to another offset.
     pub offset_change_s: f64,
-    /// The tyres; if none is listed there is one at each station, cracked at odd stations.
+    /// The tyres; if none are listed, each station has one, which is cracked at odd stations.
     pub tyre: Vec<TyreConfig>,
 }
 
@@ -183,20 +183,20 @@ impl ScanConfig {
         self.velocities_m_per_s.len() * usize::from(self.repetitions)
     }
 
-    /// What of the scan lets cracks pass, for people to read.
+    /// A remark for people if the scan may miss cracks.
     pub fn remark(&self) -> Option<String> {
         let is_at_edge = self.offsets_mm.contains(&0.0);
         (!is_at_edge)
             .then(|| "scan.offsets_mm lacks 0: nothing is tapped at the belt edge, where cracks begin".to_owned())
     }
 
-    /// The same for a line, with as many stations as its tyres name: those of a line are in its configuration.
+    /// The same for a line, with as many stations as its tyres name: a line lists its stations elsewhere.
     pub fn for_line(&self) -> Self {
         let stations = self.tyre.iter().fold(self.stations, |most, tyre| most.max(tyre.station));
         Self { stations, ..self.clone() }
     }
 
-    /// How many taps a tyre may be given besides: those of the whole scan once more at one offset.
+    /// How many taps may be added for a tyre: those of the whole scan at one offset, once more.
     pub(crate) fn room(&self) -> u32 {
         if !self.confirm {
             return 0;
@@ -205,17 +205,17 @@ impl ScanConfig {
         self.locations.saturating_mul(self.shoulders.into()).saturating_mul(turns)
     }
 
-    /// Taps of one tyre, without those that are made again.
+    /// Taps of one tyre, without second readings.
     pub fn taps_per_tyre(&self) -> u64 {
         u64::try_from(self.taps_of_tyre()).unwrap_or(u64::MAX)
     }
 
-    /// What a tyre that is scanned so needs, when the rig of `simulation` records it.
+    /// What a tyre needs under this scan if the rig of `simulation` records it.
     pub fn limits(&self, simulation: &SimulationConfig) -> CasingLimits {
         self.limits_of(2 * size_of::<i16>() * simulation.sample_count as usize)
     }
 
-    /// What a tyre that is scanned so needs, with records of so many bytes.
+    /// What a tyre needs under this scan, with records of `record_bytes` bytes.
     pub(crate) fn limits_of(&self, record_bytes: usize) -> CasingLimits {
         CasingLimits {
             taps: usize::try_from(self.taps_of_tyre()).unwrap_or(usize::MAX).saturating_add(self.room() as usize),
@@ -231,11 +231,11 @@ impl ScanConfig {
             let key = |field: &str| format!("scan.tyre[{number}].{field}");
             let serial = &tyre.serial;
             if Serial::new(serial).is_err() {
-                let bound = "1 to 32 bytes without white space at its ends, '/', control characters or unseen ones";
+                let bound = "1 to 32 bytes without white space at its ends, '/', control or invisible characters";
                 return refuse(&key("serial"), format!("{serial:?}"), bound);
             }
             if self.tyre[..number].iter().any(|other| other.serial == *serial) {
-                return refuse(&key("serial"), format!("{serial:?}"), "another serial than those before it");
+                return refuse(&key("serial"), format!("{serial:?}"), "unique among the tyres");
             }
             if !(1..=self.stations).contains(&tyre.station) {
                 return refuse(&key("station"), tyre.station, &format!("from 1 to scan.stations = {}", self.stations));
@@ -266,7 +266,7 @@ impl ScanConfig {
     }
 }
 
-/// Refuses an empty list, a value out of bounds, and two values that are one in a tap's name.
+/// Refuses an empty list, a value out of bounds, and two values that a tap's name cannot distinguish.
 fn all_distinct(key: &str, values: &[f64], scale: f64, (low, high): (f64, f64)) -> Result<(), Error> {
     if values.is_empty() {
         return refuse(key, "[]", "at least one value");
@@ -276,7 +276,7 @@ fn all_distinct(key: &str, values: &[f64], scale: f64, (low, high): (f64, f64)) 
             return refuse(&format!("{key}[{number}]"), value, &format!("from {low} to {high}"));
         }
         if values[..number].iter().any(|other| ((value - other) * scale).abs() < 1.0) {
-            return refuse(&format!("{key}[{number}]"), value, "another value than those before it");
+            return refuse(&format!("{key}[{number}]"), value, "unique in the list");
         }
     }
     Ok(())
@@ -314,7 +314,7 @@ mod tests {
             ("stations = 0", "scan.stations is 0; it must be from 1 to 65535"),
             ("offsets_mm = []", "scan.offsets_mm is []; it must be at least one value"),
             ("offsets_mm = [0.0, nan]", "scan.offsets_mm[1] is NaN; it must be from -2000 to 2000"),
-            ("offsets_mm = [5.0, 5.0]", "scan.offsets_mm[1] is 5; it must be another value"),
+            ("offsets_mm = [5.0, 5.0]", "scan.offsets_mm[1] is 5; it must be unique"),
             ("velocities_m_per_s = [0.0]", "scan.velocities_m_per_s[0] is 0; it must be from 0.01 to 20"),
             ("repetitions = 0", "scan.repetitions is 0"),
             ("locations = 0", "scan.locations is 0; it must be from 1 to 999999"),
@@ -326,7 +326,7 @@ mod tests {
                 "scan: the number of taps is 239999880000; it must be at most 10000000",
             ),
             ("[[tyre]]\nserial = \"\"", "scan.tyre[0].serial is \"\""),
-            ("[[tyre]]\nserial = \"A\"\n[[tyre]]\nserial = \"A\"", "scan.tyre[1].serial is \"A\"; it must be another"),
+            ("[[tyre]]\nserial = \"A\"\n[[tyre]]\nserial = \"A\"", "scan.tyre[1].serial is \"A\"; it must be unique"),
             (
                 "[[tyre]]\nserial = \"A\"\nstation = 2",
                 "scan.tyre[0].station is 2; it must be from 1 to scan.stations = 1",

@@ -1,4 +1,4 @@
-//! The taps of a scan by the table `[scan]`.
+//! The taps of a scan, from the table `[scan]`.
 
 use tapline_wire::{PlannedTap, Purpose, Serial, TapId};
 

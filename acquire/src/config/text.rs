@@ -1,4 +1,4 @@
-//! Text files, and the lines of their faults.
+//! Text files, and the lines with faults.
 
 use std::fs;
 use std::path::Path;
@@ -48,7 +48,7 @@ pub(crate) fn decode(file: &Path, bytes: Vec<u8>) -> Result<String, Error> {
 /// Longest part of a line that an error shows.
 const SHOWN_MAX: usize = 80;
 
-/// What the TOML `text` of `file` says. A fault shows the line that it is in, as it names the key; what is missing is in none.
+/// Parses the TOML `text` of `file`. An error shows the faulty line, because it names the key; a missing key has no line.
 pub(crate) fn toml<T: DeserializeOwned>(file: &Path, text: &str) -> Result<T, Error> {
     toml::from_str(text).map_err(|error| {
         let line = error.span().filter(|at| at.end > 0).map(|at| line_at(text, at.start));
@@ -56,13 +56,13 @@ pub(crate) fn toml<T: DeserializeOwned>(file: &Path, text: &str) -> Result<T, Er
             format!("`{}`: ", written.trim().chars().take(SHOWN_MAX).collect::<String>())
         });
         let reason = format!("{written}{}", toml_in_words(error.message()).replace('\n', ", "));
-        // A terminal would obey what the file has.
+        // A terminal would obey the file's control codes.
         let reason = reason.chars().map(|c| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c }).collect();
         Error::Syntax { file: file.to_owned(), line, reason }
     })
 }
 
-/// What people call the types that an error says it expected.
+/// Plain words for the types that an error expects.
 const TYPES: [(&str, &str); 9] = [
     ("u8", "a whole number from 0 to 255"),
     ("u16", "a whole number from 0 to 65535"),
@@ -75,11 +75,11 @@ const TYPES: [(&str, &str); 9] = [
     ("a map", "a table"),
 ];
 
-/// The `error` of a reader of TOML with the program's types in words; they are in its last line.
+/// The `error` of a TOML parser with its type names in plain words; they are in its last line.
 pub fn toml_in_words(error: &str) -> String {
     let error = error.trim_end().replace(
         "invalid socket address syntax",
-        "it must be an IP address with a port, as 127.0.0.1:4840, not the name of a host",
+        "it must be an IP address with a port, like 127.0.0.1:4840, not a host name",
     );
     let (place, what) = error.rsplit_once('\n').map_or(("", &*error), |(place, what)| (place, what));
     let Some((found, expected)) = what.rsplit_once("expected ") else { return error };

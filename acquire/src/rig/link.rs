@@ -1,4 +1,4 @@
-//! The connection to a rig: one thread connects, listens, and connects again when the connection is lost.
+//! The connection to a rig: one thread connects, listens, and reconnects when the connection is lost.
 
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -54,7 +54,7 @@ impl Link {
         self.stopped.notify_all();
     }
 
-    /// What both sides have said.
+    /// The state of the dialogue, locked.
     pub(crate) fn dialogue(&self) -> MutexGuard<'_, Dialogue> {
         self.dialogue.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -87,7 +87,7 @@ impl Link {
         }
     }
 
-    /// Waits for `time`, while the patience with a rig that is away runs on.
+    /// Waits for `time`, while the patience with an absent rig runs out.
     fn wait_before_retry(&self, mut time: Duration) {
         let mut dialogue = self.dialogue();
         while !self.is_stopped() && !time.is_zero() {
@@ -100,7 +100,7 @@ impl Link {
         }
     }
 
-    /// Listens to the rig until the connection ends; why it did.
+    /// Listens to the rig until the connection ends; returns why.
     fn listen(&self, mut stream: Stream) -> String {
         match stream.split(READ_TIMEOUT) {
             Ok(writer) => {
@@ -127,11 +127,11 @@ impl Link {
                 ReadLine::Nothing => Ok(false),
                 ReadLine::End => Err("the rig has closed the connection".to_owned()),
                 ReadLine::TooLong => Err(format!("the rig has sent a line of more than {LINE_BYTES_MAX} bytes")),
-                // A board that starts sends anything; to open its port again might start it again.
+                // A starting board sends arbitrary bytes; reopening its port might restart it.
                 ReadLine::NotText if dialogue.is_serial() => {
                     if !std::mem::replace(&mut has_noise, true) {
                         let LinkConfig { station, address, .. } = dialogue.config();
-                        tracing::warn!("station {station}: {address}: lines that are not UTF-8 text are passed over");
+                        tracing::warn!("station {station}: {address}: lines that are not UTF-8 text are ignored");
                     }
                     Ok(false)
                 }

@@ -1,8 +1,8 @@
-//! A station whose casings lie on a rig: another process, or a machine, that speaks `docs/rig-protocol.md` over TCP.
+//! A station whose casings lie on a rig: another process or a machine that speaks `docs/rig-protocol.md` over TCP.
 //!
-//! The station connects, and connects again whenever the connection is lost. The rig reports which casing is on it, and
-//! moves and hits on command. The samples of the tap are those that the station's device has heard since it was told to hit;
-//! without a device they are computed as those of a simulated line are.
+//! The station connects, and reconnects whenever the connection is lost. The rig reports which casing is on it, and
+//! moves and hits on command. The samples of a tap are those that the station's device has recorded since the hit command;
+//! without a device they are computed as on a simulated line.
 
 mod dialogue;
 mod link;
@@ -34,19 +34,19 @@ use crate::{
     About, Arrival, Arrivals, Casing, CasingEnd, Error, Readiness, Refusal, ScanConfig, SimulatedLine, Source, Wake,
 };
 
-/// How often to look without being woken; the rig wakes the station whenever something has changed.
+/// How often to poll without being woken; the rig wakes the station whenever something has changed.
 const LOOK_EVERY: Duration = Duration::from_secs(5);
 
-/// The same where what is heard has to come in time.
+/// The same if taps must be taken in time from a device.
 const LISTEN_EVERY: Duration = Duration::from_millis(100);
 
-/// Why a hit of which nothing was heard is made again.
-const UNHEARD: &str = "the rig has hit, and nothing was heard";
+/// Why an unheard hit is made again.
+const UNHEARD: &str = "the rig has hit, but nothing was heard";
 
-/// How long a station whose hits are not heard waits before it has the rig hit again.
+/// How long a station whose hits are not heard waits before the next hit.
 const UNHEARD_PAUSE: Duration = Duration::from_secs(5);
 
-/// How long after a rig has hit its tap must be heard, its record apart.
+/// How long after a hit its tap must be heard, plus the length of its record.
 const HEARD_WITHIN: Duration = Duration::from_millis(500);
 
 /// How a station deals with its rig.
@@ -54,17 +54,17 @@ const HEARD_WITHIN: Duration = Duration::from_millis(500);
 pub struct RigConfig {
     /// Host and port of the rig, or `serial:PATH`.
     pub address: String,
-    /// How long a rig may be away with a casing under way before that is given up.
+    /// How long a rig may be away during a casing before the casing is given up.
     pub patience: Duration,
-    /// How long a rig may take to answer before the connection is made anew.
+    /// How long a rig may take to answer before the station reconnects.
     pub timeout: Duration,
-    /// The same where it has to find its home.
+    /// The same for finding its home.
     pub home_timeout: Duration,
     /// The file that keeps how the last casing ended; `None` to keep it in memory alone.
     pub last_end: Option<PathBuf>,
     /// How often a failed move or hit is tried again before its tap is refused.
     pub retakes: u16,
-    /// The device that hears its taps; simulated ones where left out.
+    /// The device that hears its taps; if left out, they are simulated.
     pub device: Option<(DeviceName, CaptureConfig)>,
 }
 
@@ -88,7 +88,7 @@ impl RigArrivals {
     /// The plan of a casing is that of `scan`, which also lists the cracks of the tyres it names; others are sound.
     ///
     /// # Errors
-    /// [`Error`] for a value out of its bounds, and when there is no thread to be had. A rig that is off is no error.
+    /// [`Error`] for a value out of its bounds, or if no thread can be started. A rig that is off is not an error.
     pub fn open(
         rig: &RigConfig,
         station: u16,
@@ -218,13 +218,13 @@ struct RigCasing {
     failed: Option<(Tap, u16)>,
     /// The tap that was heard last.
     heard: Option<Tap>,
-    /// Hits in a row of which nothing was heard, and since when.
+    /// Unheard hits in a row, and since when.
     unheard: Option<(u16, Instant)>,
     /// Whether a tap was refused.
     has_refused: bool,
 }
 
-/// Says that no tap was heard in `time`, and what was: a level that is too high, or a sensor that is not there.
+/// Says that no tap was heard in `time`, but what was: it shows a level that is too high, or a missing sensor.
 fn unheard(ear: &Ear, time: Duration) -> String {
     let frames = time.as_secs_f64() * f64::from(ear.config.sample_rate_hz);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a time of a second or so, in samples")]
@@ -238,7 +238,7 @@ fn unheard(ear: &Ear, time: Duration) -> String {
     }
 }
 
-/// How far `samples` rise or fall from what they mostly are, in % of full scale; `None` of no samples.
+/// How far `samples` rise or fall from their usual value, in % of full scale; `None` without samples.
 fn height(samples: &[f32]) -> Option<f32> {
     let mut sorted = samples.to_vec();
     sorted.sort_by(f32::total_cmp);
@@ -255,15 +255,15 @@ impl RigCasing {
     fn heard(&mut self, tap: Tap) -> Readiness {
         let Some(ear) = &self.ear else { return Readiness::Ready };
         let Some(hit) = self.link.dialogue().hit(self.id, tap) else { return Readiness::NotYet };
-        // Asked for again, as after a stage has died: it is still there.
+        // Requested again, as after a stage has died: it is still there.
         if self.heard == Some(tap) && self.struck.poll(tap.0, tap.1) == Readiness::Ready {
             return Readiness::Ready;
         }
-        // Without a tolerance: whatever holds samples up makes a tap seem later than it was, never earlier.
+        // No tolerance: a delay of samples makes a tap seem later than it was, never earlier.
         let stray = ear.forget_before(hit.sent);
         if stray > 0 {
             tracing::warn!(
-                "{}: {stray} taps were heard that the rig was not asked for",
+                "{}: {stray} taps were heard that were not asked for",
                 self.link.dialogue().config().address
             );
         }
@@ -283,14 +283,14 @@ impl RigCasing {
                 }
                 return readiness;
             }
-            _ => "the rig was told to hit once, and was heard more than once".to_owned(),
+            _ => "the rig was told to hit once, but was heard more than once".to_owned(),
         };
         self.heard = None;
         self.link.dialogue().fail(self.id, tap, &fault);
         self.poll(tap.0, tap.1)
     }
 
-    /// Whether the rig is to wait: its hits would not be heard.
+    /// Whether the rig must wait, because its hits would not be heard.
     fn is_deaf(&self) -> bool {
         let is_unheard = |(count, since): (u16, Instant)| count > self.retakes && since.elapsed() < UNHEARD_PAUSE;
         self.unheard.is_some_and(is_unheard) || self.ear.as_ref().is_some_and(|ear| ear.fault().is_some())
@@ -331,13 +331,13 @@ impl Source for RigCasing {
             },
             Progress::Failed(why) => {
                 let failed = self.failed.take().filter(|(of, _)| *of == (row, attempt)).map_or(0, |(_, count)| count);
-                // What nobody hears is no fault of this tap: it waits until it is heard, or the casing is taken away.
+                // An unheard hit is no fault of this tap: it waits until it is heard, or the casing is taken away.
                 if !why.starts_with(UNHEARD) {
                     self.unheard = None;
                 }
                 if failed >= self.retakes && self.unheard.is_none() {
                     let reason = format!("the rig cannot make this tap: {why}");
-                    // The next taps may fail for the same reason: people are told once of a casing.
+                    // The next taps may fail for the same reason: one alarm per casing.
                     if !std::mem::replace(&mut self.has_refused, true) {
                         self.link.dialogue().alarm_of(self.id, &reason);
                     }

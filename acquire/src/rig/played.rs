@@ -1,4 +1,4 @@
-//! What a simulated rig sounds like: samples of its hits, written without a pause as a sound card would give them.
+//! The sound of a simulated rig: samples of its hits, written continuously as a sound card would give them.
 
 use std::fs::OpenOptions;
 use std::io::{self, Write as _};
@@ -13,10 +13,10 @@ use crate::simulated::{SERIAL, Tyre, default_tyre, rig_of};
 use crate::source::serial_of;
 use crate::{Error, ScanConfig};
 
-/// What is written at once, about; a power of two, as stations read it.
+/// Approximate time of one write: a power of two of samples, as stations read it.
 const PERIOD_S: f64 = 0.01;
 
-/// Time from a hit to the one that was not wanted.
+/// Time from a hit to its unwanted repetition.
 const AGAIN_S: f64 = 0.06;
 
 /// Most hits that are not written yet.
@@ -33,7 +33,7 @@ pub(super) struct Player {
     place: Place,
 }
 
-/// Where the impactor is, as the station has said.
+/// The impactor's position, as commanded by the station.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Place {
     shoulder: u16,
@@ -48,7 +48,7 @@ impl Player {
         let (hits, heard) = sync_channel(HITS_MAX);
         let (path, rate_hz) = (path.to_owned(), simulation.sample_rate_hz);
         let run = move || {
-            // Whoever listens may go and come back.
+            // The listener may leave and return.
             while let Err(error) = write(&path, rate_hz, &heard) {
                 tracing::info!("{}: {error}; it is opened again", path.display());
                 thread::sleep(Duration::from_millis(200));
@@ -70,7 +70,7 @@ impl Player {
         Ok(())
     }
 
-    /// Goes where the station's `move` says.
+    /// Moves as the station's `move` says.
     pub(super) fn go(&mut self, words: &str) {
         let mut words = words.split(' ');
         let mut next = || words.next().unwrap_or_default();
@@ -78,7 +78,7 @@ impl Player {
         self.place = Place { shoulder, location, offset_mm: next().parse().unwrap_or(0.0) };
     }
 
-    /// Hits so many times, one shortly after the other.
+    /// Hits `times` times in quick succession.
     pub(super) fn hit(&mut self, velocity_m_per_s: f64, times: usize) {
         let Some((serial, rig, hits)) = &mut self.rig else { return };
         let mut frames: Vec<i16> = Vec::new();
@@ -127,7 +127,7 @@ fn write(path: &PathBuf, rate_hz: f64, hits: &Receiver<Vec<i16>>) -> io::Result<
         due += period_time;
         match due.checked_duration_since(Instant::now()) {
             Some(early) => thread::sleep(early),
-            // Who was stopped for long does not make up for it in a burst.
+            // A long stop is not made up for in a burst.
             None if due.elapsed() > Duration::from_secs(1) => due = Instant::now(),
             None => {}
         }

@@ -31,11 +31,11 @@ pub(crate) enum RigMessage {
     Hit(f64),
     /// The command failed, for this reason.
     Error(String),
-    /// It is stopped, for this reason, and does nothing until it says that it goes on.
+    /// It is stopped, for this reason, and does nothing until it says that it continues.
     Stopped(String),
-    /// It goes on.
+    /// It continues.
     Running,
-    /// It has found the place that it counts angles from.
+    /// It has found the zero of its angles.
     Homed,
     /// Answer to a ping.
     Pong,

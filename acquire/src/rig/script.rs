@@ -11,7 +11,7 @@ use crate::{Error, ScanConfig};
 /// Longest time that a script may state, in s: a day.
 const TIME_MAX_S: f64 = 86_400.0;
 
-/// What a simulated rig does. Fractions are from 0 to 1; of a pair of times, one in between is drawn uniformly.
+/// What a simulated rig does. Fractions are from 0 to 1; from a pair of times, one between them is drawn uniformly.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RigScript {
@@ -45,15 +45,15 @@ pub struct RigScript {
     pub switched_off: f64,
     /// Range of the time that it is off, in s.
     pub off_s: [f64; 2],
-    /// Fraction of casings during which its emergency stop is pressed, for as long as it is off otherwise.
+    /// Fraction of casings during which its emergency stop is pressed, for a time drawn as when it is off.
     pub stopped: f64,
     /// Fraction of those with another casing on the rig when it is switched on again.
     pub swapped: f64,
     /// Fraction of hits that fail.
     pub failed_hits: f64,
-    /// Where the samples of its hits are written, for a station that listens: a pipe; nowhere if left out.
+    /// The pipe into which the samples of its hits are written for a station that listens; none if left out.
     pub play: Option<PathBuf>,
-    /// Fraction of those hits that it reports and does not make.
+    /// Fraction of those hits that it reports but does not make.
     pub missed_hits: f64,
     /// Fraction of those hits that it makes twice.
     pub double_hits: f64,

@@ -1,4 +1,4 @@
-//! The simulated rig: the other side of the protocol, with everything that can go wrong at a real rig.
+//! The simulated rig: the other side of the protocol, with all that can go wrong on a real rig.
 
 use std::io::{self, Write as _};
 use std::net::{TcpListener, TcpStream};
@@ -44,12 +44,12 @@ pub struct RigReport {
     pub double_hits: u64,
 }
 
-/// Plays `script` for whoever connects to `listener`, one connection at a time, until its casings are done or `stop` is
+/// Plays `script` for any station that connects to `listener`, one at a time, until its casings are done or `stop` is
 /// set.
 ///
 /// # Errors
 /// [`Error::Setting`] for a script out of its bounds, [`Error::Rig`] if the listener fails. A station that disconnects
-/// is no error; the rig waits for it to return.
+/// is not an error; the rig waits for it to return.
 pub fn serve_rig(listener: &TcpListener, script: &RigScript, stop: &AtomicBool) -> Result<RigReport, Error> {
     script.validate()?;
     listener.set_nonblocking(true).map_err(Error::Rig)?;
@@ -68,7 +68,7 @@ pub fn serve_rig(listener: &TcpListener, script: &RigScript, stop: &AtomicBool) 
     while !rig.is_done() {
         match listener.accept() {
             Ok((stream, _)) => {
-                // Whatever ends the conversation, the next connection begins with hello.
+                // However the conversation ends, the next connection begins with hello.
                 if let Err(error) = rig.converse(stream) {
                     tracing::info!("the station has gone: {error}");
                 }
@@ -115,7 +115,7 @@ impl Rig<'_> {
         self.stop.load(Ordering::Relaxed) || are_all_there && self.on_it.is_none()
     }
 
-    /// Talks to one station until that disconnects, the rig is switched off, or all casings are done.
+    /// Talks to one station until it disconnects, the rig is switched off, or all casings are done.
     fn converse(&mut self, mut stream: TcpStream) -> io::Result<()> {
         stream.set_nonblocking(false)?;
         stream.set_nodelay(true)?;

@@ -1,4 +1,4 @@
-//! What lines go over: a TCP connection, or a serial port.
+//! The transport of lines: a TCP connection or a serial port.
 
 use std::fmt;
 use std::io::{self, Read, Write};
@@ -10,7 +10,7 @@ use serialport::{ClearBuffer, SerialPort};
 /// How long it may take to connect, and to write a line.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// What the address of a serial port begins with.
+/// Prefix of the address of a serial port.
 pub(crate) const SERIAL: &str = "serial:";
 
 /// Speed of a serial port whose address names none.
@@ -35,14 +35,14 @@ impl Stream {
     /// Connects to `HOST:PORT`, or opens `serial:PATH` or `serial:PATH@BAUD`.
     ///
     /// # Errors
-    /// Why it cannot be had.
+    /// Why it cannot be opened.
     pub(super) fn open(address: &str) -> Result<Self, String> {
         match address.strip_prefix(SERIAL) {
             Some(port) => {
                 let (path, baud_rate) = serial_port(port)?;
                 let port = serialport::new(path, baud_rate).timeout(CONNECT_TIMEOUT).open();
                 let port = port.map_err(|error| error.to_string())?;
-                // What was said before is nothing to this station.
+                // Earlier input does not concern this station.
                 port.clear(ClearBuffer::Input).map_err(|error| error.to_string())?;
                 Ok(Self::Serial(port))
             }
@@ -50,7 +50,7 @@ impl Stream {
         }
     }
 
-    /// Another handle of it; reads wait for `read_timeout`.
+    /// A second handle; its reads wait for `read_timeout`.
     pub(super) fn split(&mut self, read_timeout: Duration) -> io::Result<Self> {
         match self {
             Self::Tcp(stream) => {
@@ -66,7 +66,7 @@ impl Stream {
         }
     }
 
-    /// Whether the other side has to be asked who it is: it does not notice that it is listened to.
+    /// Whether the other side must be asked for its name: it does not notice a listener.
     pub(super) fn has_no_connection(&self) -> bool {
         matches!(self, Self::Serial(_))
     }
@@ -108,7 +108,7 @@ impl Write for Stream {
 /// Path and speed of a serial port.
 fn serial_port(text: &str) -> Result<(&str, u32), String> {
     let (path, baud_rate) = match text.split_once('@') {
-        Some((path, baud_rate)) => (path, baud_rate.parse().map_err(|_error| format!("{baud_rate:?} is no speed"))?),
+        Some((path, baud_rate)) => (path, baud_rate.parse().map_err(|_error| format!("{baud_rate:?} is not a speed"))?),
         None => (text, BAUD_RATE),
     };
     if path.is_empty() || baud_rate == 0 {

@@ -1,4 +1,4 @@
-//! The finite list of simulated tyres that a run scans: each is made when its turn comes, and given away.
+//! The finite list of simulated tyres that a run scans: each is made when its turn comes, and handed over.
 
 use std::sync::Arc;
 
@@ -14,21 +14,21 @@ pub struct SimulatedList {
     world: Arc<World>,
 }
 
-/// What decides every simulated tyre.
+/// What determines every simulated tyre.
 #[derive(Debug)]
 struct World {
     scan: ScanConfig,
     simulation: SimulationConfig,
 }
 
-/// The casings of the simulated scan that `scan` and `simulation` describe: one a tyre.
+/// The casings of the simulated scan that `scan` and `simulation` describe: one per tyre.
 ///
 /// # Errors
 /// [`Error`] for a value out of its bounds.
 pub fn listed_simulated(scan: &ScanConfig, simulation: &SimulationConfig) -> Result<SimulatedList, Error> {
     scan.validate()?;
     let world = World { scan: scan.clone(), simulation: simulation.clone() };
-    // The cracks of all tyres are checked now, not when the turn of each comes: one rig a tyre, kept by nobody.
+    // The cracks of all tyres are checked now, not when each tyre's turn comes: one rig per tyre, dropped at once.
     let tyres: Vec<Tyre> = (0..scan.tyre.len()).map(|number| tyre_of(scan, number)).collect::<Result<_, _>>()?;
     rig_of(scan, simulation, &tyres)?;
     Ok(SimulatedList { world: Arc::new(world) })
@@ -84,7 +84,7 @@ enum Tyres {
         /// Taps of this station's tyres so far: its clock.
         taps_before: u64,
     },
-    /// Tyres that no list names, for lines that run on.
+    /// Tyres that no list names, for endless lines.
     Unlisted {
         /// Number of the next tyre, from 1.
         next: u64,
@@ -138,7 +138,7 @@ impl Arrivals for SimulatedTyres {
         };
         let mut taps = SimulatedLine::for_tyre(scan, simulation, &tyre, taps_before)?;
         if let Tyres::Unlisted { .. } = self.which {
-            // Numbers begin anew when this process does: a tyre that is finished is known by its source, and not tapped again.
+            // Numbers restart with this process: a finished tyre is recognised by its source, and not tapped again.
             let texts = [toml::to_string(scan), toml::to_string(simulation)].map(Result::unwrap_or_default);
             taps.set_source(digest_of_parts(texts.iter().map(String::as_bytes)));
         }

@@ -21,7 +21,7 @@ const CRACKS_PLANTED: u32 = 3;
 /// Counts of a full-scale sample.
 const COUNTS_FULL_SCALE: f64 = 32_768.0;
 
-/// Stations that tap simulated tyres, with nothing left to chance but what the seed decides.
+/// Stations that tap simulated tyres; the seed decides everything random.
 #[derive(Debug)]
 pub struct SimulatedLine {
     about: About,
@@ -33,7 +33,7 @@ pub struct SimulatedLine {
     times: Times,
 }
 
-/// A tyre of the line, as it was written or as it is by default.
+/// A tyre of the line, from the configuration or by default.
 #[derive(Debug, Clone)]
 pub(crate) struct Tyre {
     pub serial: Serial,
@@ -53,7 +53,7 @@ impl SimulatedLine {
         Self::for_tyres(scan, simulation, &tyres, start_ns)
     }
 
-    /// One tyre alone, whose station has made `taps_before` taps before it: the same taps as those of the whole scan.
+    /// One tyre only, whose station has made `taps_before` taps before it: the same taps as in the whole scan.
     pub(crate) fn for_tyre(
         scan: &ScanConfig,
         simulation: &SimulationConfig,
@@ -65,7 +65,7 @@ impl SimulatedLine {
         Self::for_tyres(scan, simulation, std::slice::from_ref(tyre), start_ns)
     }
 
-    /// Has the plan tell what it simulates from other simulations of the same taps.
+    /// Gives the plan a digest that distinguishes this simulation from others of the same taps.
     pub(crate) fn set_source(&mut self, source_digest: u64) {
         self.about.plan = self.about.plan.clone().with_source(source_digest);
     }
@@ -106,7 +106,7 @@ impl Source for SimulatedLine {
     }
 
     fn grow(&mut self, plan: Plan) {
-        // Added taps are taken behind the others.
+        // Added taps are taken after the others.
         self.tap_time_ns.truncate(plan.taps().len() - plan.added().len());
         let mut now_ns = self.tap_time_ns.iter().copied().max().unwrap_or(0);
         for (before, tap) in plan.taps().iter().zip(&plan.taps()[1..]).skip(self.tap_time_ns.len() - 1) {
@@ -166,7 +166,7 @@ pub(crate) fn station_of(scan: &ScanConfig, number: usize) -> u16 {
     scan.tyre.get(number).map_or_else(|| u16::try_from(number + 1).unwrap_or(u16::MAX), |tyre| tyre.station)
 }
 
-/// Tyre `number`, from 0, as it is written; where none is, the one of station `number` + 1.
+/// Tyre `number`, from 0, as configured; if none is, the default one of station `number` + 1.
 pub(crate) fn tyre_of(scan: &ScanConfig, number: usize) -> Result<Tyre, Error> {
     let station = station_of(scan, number);
     match scan.tyre.get(number) {
@@ -177,7 +177,7 @@ pub(crate) fn tyre_of(scan: &ScanConfig, number: usize) -> Result<Tyre, Error> {
     }
 }
 
-/// A tyre that is written nowhere: with cracks that its serial and the seed decide, or sound.
+/// A tyre that no configuration lists: with cracks that its serial and the seed decide, or sound.
 pub(crate) fn default_tyre(scan: &ScanConfig, serial: &str, station: u16, is_damaged: bool) -> Result<Tyre, Error> {
     let crack_count = if is_damaged { CRACKS_PLANTED } else { 0 };
     let cracks = plant_cracks(scan.seed, serial, scan.locations, crack_count);
@@ -230,7 +230,7 @@ impl Times {
     }
 }
 
-/// Times of the taps; stations work side by side, each from its place in `next_ns` on.
+/// Times of the taps; stations work in parallel, each from its entry in `next_ns` on.
 fn times_of(scan: &ScanConfig, plan: &Plan, mut next_ns: Vec<i64>) -> Vec<i64> {
     let times = Times::of(scan);
     let mut before: Vec<Option<TapId>> = vec![None; next_ns.len()];

@@ -7,13 +7,13 @@ use std::time::Duration;
 
 use crate::{Error, Source};
 
-/// Called from a source's own thread when something has changed (a rig has answered): wakes the loop that asks.
+/// Called from a source's own thread when something has changed (a rig has answered): wakes the polling loop.
 pub type Wake = Arc<dyn Fn() + Send + Sync>;
 
 /// A casing to be tapped.
 #[derive(Debug)]
 pub struct Casing {
-    /// Its name, not escaped: the serial, or the name of the tap set's folder where that is one piece with many lines.
+    /// Its name, not escaped: the serial, or the name of the tap set's folder if the set is one piece with many lines.
     pub name: String,
     /// Its taps; their plan is that of this casing alone.
     pub taps: Box<dyn Source>,
@@ -22,11 +22,11 @@ pub struct Casing {
 /// What a station's next casing is.
 #[derive(Debug)]
 pub enum Arrival {
-    /// A casing that is there now.
+    /// A casing that has arrived.
     Casing(Casing),
-    /// None is there now; one may come.
+    /// None now; one may come later.
     NotYet,
-    /// No casing will ever come any more.
+    /// No more casings will come.
     Ended,
 }
 
@@ -37,7 +37,7 @@ pub enum CasingEnd {
     Closed {
         /// The finished file.
         file: PathBuf,
-        /// Whether the file was finished before the casing came: the casing was judged by the same recordings, and is not judged
+        /// Whether the file was finished before the casing came: it was judged from the same recordings, and is not judged
         /// again.
         was_there: bool,
     },
@@ -57,10 +57,10 @@ pub trait Arrivals: Send + fmt::Debug {
     ///
     /// # Errors
     /// [`Error`] for what ends the line. A bad tap set in a watched folder, or a rig that is off, is no error: it is
-    /// logged and passed over.
+    /// logged and skipped.
     fn next(&mut self) -> Result<Arrival, Error>;
 
-    /// Is told how the casing `name` ended. Casings of one name end in the order in which they came.
+    /// Takes note of how the casing `name` ended. Casings of one name end in the order in which they came.
     fn ended(&mut self, name: &str, end: &CasingEnd) {
         let _nobody_asks = (name, end);
     }
@@ -70,18 +70,18 @@ pub trait Arrivals: Send + fmt::Debug {
         "nothing: its casings are there".to_owned()
     }
 
-    /// For how long a casing may be away that was half tapped: on a rig it may come back, and is taken away for good when
-    /// another follows it. From a list or a folder each comes until it is done, and what does not come is gone: `None`.
+    /// How long a half-tapped casing may be away: on a rig it may come back, and is gone for good when
+    /// another follows it. From a list or a folder each comes until it is done, and a missing one is gone: `None`.
     fn patience(&self) -> Option<Duration> {
         None
     }
 
-    /// Which casings and sets were passed over or put aside, with the reason, and have not been handed out yet.
+    /// Casings and sets that were skipped or put aside, with the reason, and have not been reported yet.
     fn take_refusals(&mut self) -> Vec<String> {
         Vec::new()
     }
 
-    /// What else people should know and has not been handed out yet.
+    /// Other messages for people that have not been reported yet.
     fn take_alarms(&mut self) -> Vec<String> {
         Vec::new()
     }

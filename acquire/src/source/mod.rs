@@ -1,4 +1,4 @@
-//! What a source of taps is: asked for a tap by its row in the plan, it renders that tap in place.
+//! A source of taps: asked for a tap by its row in the plan, it renders that tap in place.
 
 pub(crate) mod arrivals;
 
@@ -8,25 +8,25 @@ use tapline_wire::{CHANNELS_MAX, CacheLine, ChannelHeader, Plan, Recording, Seri
 
 use crate::Error;
 
-/// What is to be known of a source before any of its taps.
+/// What must be known of a source before any of its taps.
 #[derive(Debug)]
 pub struct About {
     /// Every tap there is to render.
     pub plan: Plan,
     /// What kind of source this is.
     pub kind: SourceKind,
-    /// Whether a tap that is asked for again is struck again, or is what it was.
+    /// Whether a tap that is requested again is struck again, or is the same record.
     pub can_retake: bool,
-    /// How many taps it can give besides those of its plan, of the same scans.
+    /// How many additional taps it can give, of the same scans as its plan.
     pub room: u32,
 }
 
 /// A source of taps: those of one casing at one station.
 ///
-/// A tap depends on its plan row and attempt alone, never on what was rendered before it: a run that is resumed,
+/// A tap depends only on its plan row and attempt, never on what was rendered before it: a run that is resumed,
 /// retaken or split over stations gets the same bytes.
 pub trait Source: Send + fmt::Debug {
-    /// What is to be known of it before any of its taps.
+    /// What must be known of it before any of its taps.
     fn about(&self) -> &About;
 
     /// Every tap there is to render.
@@ -34,12 +34,12 @@ pub trait Source: Send + fmt::Debug {
         &self.about().plan
     }
 
-    /// Has its plan become `plan`, which has taps added to its own; never more than its [room](About::room).
+    /// Replaces its plan with `plan`, which has additional taps; never more than its [room](About::room).
     fn grow(&mut self, plan: Plan) {
         let _recorded = plan;
     }
 
-    /// Whether the tap in plan row `row` can be rendered now; a rig is told to move and to hit by being asked.
+    /// Whether the tap in plan row `row` can be rendered now; this call tells a rig to move and hit.
     ///
     /// Never blocks. A source whose taps exist already is always ready.
     fn poll(&mut self, row: u32, attempt: u16) -> Readiness {
@@ -49,12 +49,12 @@ pub trait Source: Send + fmt::Debug {
 
     /// Renders the tap in plan row `row` into `buffer`, and all that is known of it into `header`.
     ///
-    /// A tap whose earlier takes are known to its source may be of a later attempt than `attempt`. Of `header` all but `stamp`, `sent_ns` and `retakes_left` is filled in, `id` and `plan_index` also when the tap is refused.
+    /// If its source knows of earlier takes, the tap may be of a later attempt than `attempt`. All of `header` but `stamp`, `sent_ns` and `retakes_left` is filled in, `id` and `plan_index` also when the tap is refused.
     /// Of `buffer` the first [`TapHeader::payload_bytes`] bytes are written; it must have room for
     /// [`Recording::payload_bytes_max`].
     ///
     /// # Errors
-    /// [`Refusal`] when this tap cannot be had; others still may.
+    /// [`Refusal`] if this tap is unavailable; others may still be available.
     fn render(
         &mut self,
         row: u32,
@@ -65,7 +65,7 @@ pub trait Source: Send + fmt::Debug {
         let About { plan, kind, .. } = self.about();
         *header = named(plan, row, attempt, *kind, header)?;
         let (need_bytes, got_bytes) = (plan.recording.payload_bytes_max(), size_of_val(buffer));
-        // A caller's mistake, but no reason to stop a line.
+        // The caller's mistake, but no reason to stop a line.
         if got_bytes < need_bytes {
             let reason = format!("the loan has {got_bytes} bytes; the samples need {need_bytes}");
             return Err(Refusal { file: "plan".to_owned(), line: 0, reason });
@@ -87,17 +87,17 @@ pub enum Readiness {
     Ready,
     /// It is on its way: ask again when woken, or after [`crate::Arrivals::look_every`].
     NotYet,
-    /// This tap alone will not come.
+    /// Only this tap will not come.
     Refused(Refusal),
-    /// The casing was taken away, for the reason given: no tap of it will come any more.
+    /// The casing was taken away, for the reason given: no more of its taps will come.
     Gone(String),
 }
 
 /// Why a planned tap will not come.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Refusal {
-    /// Recording of the tap as `taps.csv` names it, or what stands for it in a source without files; empty where the reason
-    /// stands for itself.
+    /// Recording of the tap as `taps.csv` names it, or its counterpart in a source without files; empty if the reason
+    /// needs none.
     pub file: String,
     /// Line of `taps.csv`, from 1; 0 where there is no such file.
     pub line: usize,

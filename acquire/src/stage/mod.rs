@@ -1,4 +1,4 @@
-//! `acquire` on a line: several stations, each of which takes the taps of one casing after the other.
+//! `acquire` on a line: several stations, each of which takes the taps of one casing after another.
 
 pub(crate) mod outcome;
 mod outlet;
@@ -27,7 +27,7 @@ const DRAIN: Duration = Duration::from_secs(10);
 /// recovers after a stage has died.
 ///
 /// # Errors
-/// [`RunError`] if shared memory or a source fails. Being asked to stop is no error.
+/// [`RunError`] if shared memory or a source fails. Being asked to stop is not an error.
 pub fn run(line: &Line, stations: Vec<Box<dyn Arrivals>>, config: &AcquireConfig) -> Result<Outcome, RunError> {
     let mut outcome = Outcome { stations: stations.iter().map(|s| s.station()).collect(), ..Outcome::default() };
     let mut outlet = Outlet::open(line, config.retakes, &mut outcome)?;
@@ -78,7 +78,7 @@ fn receive(casings: &Subscriber<'_, CasingTopic>, stations: &mut [Station]) -> R
         match record.kind() {
             Some(RecordKind::Plan) => match decode_opened(&record) {
                 Ok((name, added)) => station.opened(record.header(), &name, &added),
-                Err(error) => tracing::error!(%error, "what store says of a casing cannot be read"),
+                Err(error) => tracing::error!(%error, "a record of store about a casing is unreadable"),
             },
             Some(RecordKind::Ledger) => {
                 if let Some(ledger) = Ledger::decode(record.header(), &record) {
@@ -97,7 +97,7 @@ fn text_of(record: &Received<CasingTopic>) -> String {
     String::from_utf8_lossy(record).into_owned()
 }
 
-/// After being asked to end: waits until what was sent is in the archive, for a while, and not if the archive is stalled.
+/// After a request to end: waits for a while until all that was sent is in the archive, unless the archive is stalled.
 fn drain(outlet: &Outlet<'_>, casings: &Subscriber<'_, CasingTopic>, stations: &mut [Station]) -> Result<(), RunError> {
     let since = Instant::now();
     while since.elapsed() < DRAIN {
@@ -111,7 +111,7 @@ fn drain(outlet: &Outlet<'_>, casings: &Subscriber<'_, CasingTopic>, stations: &
         }
         outlet.line.wait(Duration::from_millis(20))?;
     }
-    tracing::warn!("ends with taps under way that are not archived; they are taken again when the line goes on");
+    tracing::warn!("ends with taps under way that are not archived; they are taken again when the line continues");
     Ok(())
 }
 

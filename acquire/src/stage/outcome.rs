@@ -24,13 +24,13 @@ pub struct Outcome {
     pub stations: Vec<u16>,
     /// Casings whose scans ended.
     pub casing_count: u64,
-    /// Taps sent, those sent again among them.
+    /// Taps sent, including repeats.
     pub sent_count: u64,
     /// Taps refused.
     pub refused_count: u64,
     /// Taps sent again because they were lost after they had been sent.
     pub resent_count: u64,
-    /// Taps struck again because their record was of no use.
+    /// Taps struck again because their record was unusable.
     pub retake_count: u64,
     /// Bytes of samples sent.
     pub sample_bytes: u64,

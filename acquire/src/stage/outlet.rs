@@ -29,13 +29,13 @@ impl<'a> Outlet<'a> {
         Ok(Self { line, taps, proposals, waits: Publisher::open(line)?, retakes, outcome })
     }
 
-    /// Reports what `station` waits for, to the supervisor, without waiting; whether it was sent.
+    /// Reports what `station` waits for to the supervisor, without blocking; whether it was sent.
     pub(crate) fn report_wait(&self, station: u16, what: &str) -> Result<bool, LineError> {
         let stamp = Stamp { mark: station.into(), ..Stamp::default() };
         self.waits.try_send(RecordKind::Data, stamp, cut(what, WAIT_BYTES_MAX).as_bytes())
     }
 
-    /// Sends the supervisor an alarm or a refusal of `station`, for people, without waiting; whether it was sent.
+    /// Sends the supervisor an alarm or refusal of `station` for people, without blocking; whether it was sent.
     pub(crate) fn alarm(&self, station: u16, kind: RecordKind, what: &str) -> Result<bool, LineError> {
         let stamp = Stamp { mark: station.into(), ..Stamp::default() };
         self.waits.try_send(kind, stamp, cut(what, REASON_BYTES_MAX).as_bytes())
@@ -121,7 +121,7 @@ impl<'a> Outlet<'a> {
         Ok(())
     }
 
-    /// Sends a mark of the casing numbered `casing` behind its taps.
+    /// Sends a mark of the casing numbered `casing` after its taps.
     pub(crate) fn mark(&self, casing: u64, kind: RecordKind, mark: u64) -> Result<(), LineError> {
         self.taps.send(kind, mark_header(casing, mark), &[])
     }
@@ -136,7 +136,7 @@ fn mark_header(casing: u64, mark: u64) -> TapHeader {
     TapHeader { stamp: Stamp { casing, mark, ..Stamp::default() }, ..TapHeader::default() }
 }
 
-/// As much of `text` as fits; an ellipsis ends what was cut.
+/// As much of `text` as fits; a cut text ends with an ellipsis.
 fn cut(text: &str, bytes: usize) -> Cow<'_, str> {
     const MORE: &str = "…";
     match text.len() <= bytes {

@@ -31,7 +31,7 @@ impl<'a> Pace<'a> {
         self.next_due.checked_duration_since(Instant::now()).filter(|early| !early.is_zero())
     }
 
-    /// Notes that a tap was taken. After a delay the next tap is due a period from now; taps that were missed are not made up for
+    /// Notes that a tap was taken. After a delay the next tap is due one period from now; missed taps are not made up for
     /// in a burst.
     pub(crate) fn taken(&mut self) {
         let Some(period) = self.period else { return };

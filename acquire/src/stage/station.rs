@@ -1,4 +1,4 @@
-//! One station: gets its next casing, proposes it to `store`, has it tapped, and goes on to the next while it is closed.
+//! One station: gets its next casing, proposes it to `store`, has it tapped, and takes the next while it is closed.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -10,7 +10,7 @@ use crate::stage::pace::{Next, Pace, SEND_AGAIN};
 use crate::stage::tapping::{Tapping, grow};
 use crate::{Arrival, Arrivals, Casing, CasingEnd, RunError, Source};
 
-/// How soon to look for the answer to a proposal without being notified.
+/// How soon to check for the answer to a proposal without being notified.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
 
 /// Shortest time between two reports of what a station waits for.
@@ -28,11 +28,11 @@ pub(crate) struct Station {
     closing: Vec<(u64, String)>,
     /// Casings of this station that are open in the archive and that its source has not brought back, by number and name.
     left_over: Vec<(u64, String)>,
-    /// Since when there are some, and the source has no casing.
+    /// Since when there are some while the source has no casing.
     left_over_since: Option<Instant>,
     period: Option<Duration>,
     next_due: Instant,
-    /// Alarms that were not sent to the supervisor yet.
+    /// Alarms not yet sent to the supervisor.
     alarms: VecDeque<(RecordKind, String)>,
     /// Whether the source is not ready.
     is_source_awaited: bool,
@@ -128,7 +128,7 @@ impl Station {
         }
     }
 
-    /// Notes that a proposal is refused; or that a casing which is being tapped is not open any more, because a restarted
+    /// Notes that a proposal is refused; or that a casing being tapped is no longer open, because a restarted
     /// `store` has found its file damaged: then it is tapped again.
     pub(crate) fn refused(&mut self, header: &CasingHeader, reason: &str) {
         self.work = match std::mem::replace(&mut self.work, Work::Idle) {
@@ -146,7 +146,7 @@ impl Station {
         }
     }
 
-    /// Sends the alarms of its source, as far as that is possible without waiting.
+    /// Sends the alarms of its source, as far as possible without blocking.
     fn send_alarms(&mut self, outlet: &Outlet<'_>) -> Result<(), LineError> {
         self.alarms.extend(self.arrivals.take_refusals().into_iter().map(|text| (RecordKind::Refusal, text)));
         self.alarms.extend(self.arrivals.take_alarms().into_iter().map(|text| (RecordKind::Alarm, text)));
@@ -168,12 +168,12 @@ impl Station {
         }
         let what = match &self.work {
             _ if self.is_source_awaited => self.arrivals.waits_for(),
-            Work::Idle => "the verdicts on the casings before".to_owned(),
+            Work::Idle => "the verdicts on earlier casings".to_owned(),
             Work::Ended => "nothing: its list is done".to_owned(),
-            Work::Proposed { .. } => "its file to be begun".to_owned(),
+            Work::Proposed { .. } => "its file to be started".to_owned(),
             Work::Tapping(tapping) if tapping.is_taking() => String::new(),
             Work::Tapping(tapping) if tapping.is_awaiting_verdict() => "the verdict".to_owned(),
-            Work::Tapping(_) => "what was tapped to be archived".to_owned(),
+            Work::Tapping(_) => "its taps to be archived".to_owned(),
         };
         let is_news = self.reported.as_ref().is_none_or(|(reported, _)| *reported != what);
         if is_news && outlet.report_wait(self.number(), &what)? {
@@ -194,7 +194,7 @@ impl Station {
     pub(crate) fn step(&mut self, outlet: &mut Outlet<'_>) -> Result<Next, RunError> {
         self.is_source_awaited = false;
         if let Work::Idle = self.work {
-            // One casing may be tapped while one is closed.
+            // One casing may be tapped while another is closed.
             if self.closing.len() > 1 {
                 return Ok(Next::Within(SEND_AGAIN));
             }
@@ -263,12 +263,12 @@ impl Station {
         }
     }
 
-    /// Gives up the casings that will not come back, except the one called `but`: they are judged by the taps that came.
+    /// Gives up the casings that will not come back, except the one called `but`: they are judged by the taps they have.
     fn give_up_left_over(&mut self, outlet: &Outlet<'_>, but: Option<&str>) -> Result<(), LineError> {
         let is_gone = |(_, name): &mut (u64, String)| Some(name.as_str()) != but;
         for (number, name) in self.left_over.extract_if(.., is_gone) {
             let text =
-                format!("casing {name} was half tapped when the line stopped; it is judged by the taps that came");
+                format!("casing {name} was half tapped when the line stopped; it is judged on the taps that came");
             tracing::warn!("{text}");
             self.alarms.push_back((RecordKind::Alarm, text));
             outlet.give_up(
@@ -299,7 +299,7 @@ impl Station {
     }
 }
 
-/// Whether what `header` tells of has the plan of `source`.
+/// Whether the casing of `header` has the plan of `source`.
 fn is_of_plan(header: &CasingHeader, source: &dyn Source) -> bool {
     header.plan_digest == source.plan().begun_digest()
 }

@@ -1,4 +1,4 @@
-//! A casing that is being tapped: which taps are due, what was sent, and whether its scans have ended.
+//! A casing being tapped: which taps are due, what was sent, and whether its scans have ended.
 
 use std::time::{Duration, Instant};
 
@@ -22,7 +22,7 @@ pub(crate) struct Tapping {
     sent: Vec<Option<u16>>,
     /// Why no more taps will come.
     gone: Option<String>,
-    /// The barrier that was sent behind the last tap after the process was asked to end.
+    /// The barrier sent after the last tap, once the process was asked to end.
     drain_barrier: Option<u8>,
 }
 
@@ -63,15 +63,15 @@ impl Tapping {
         scan.taps.iter().rev().copied().filter(is_missing).collect()
     }
 
-    /// Whether nothing is left to do for the casing: the archive has confirmed the ends of all scans and, where more taps may be
-    /// asked for, their verdicts.
+    /// Whether nothing is left to do for the casing: the archive has confirmed the ends of all scans and, if more taps may be
+    /// requested, their verdicts.
     pub(crate) fn is_ended(&self) -> bool {
         let last =
             if self.casing.taps.about().room > 0 && self.gone.is_none() { ScanState::Judged } else { ScanState::Ended };
         self.has_reached(last)
     }
 
-    /// Whether all is tapped, and more taps may be asked for until the verdict.
+    /// Whether all is tapped, but more taps may be requested until the verdict.
     pub(crate) fn is_awaiting_verdict(&self) -> bool {
         self.has_reached(ScanState::Ended)
     }
@@ -87,7 +87,7 @@ impl Tapping {
         self.sent.resize(self.casing.taps.plan().taps().len(), None);
     }
 
-    /// Whether taps are being taken, rather than waited for in the archive.
+    /// Whether taps are being taken, not just awaited in the archive.
     pub(crate) fn is_taking(&self) -> bool {
         matches!(self.phase, Phase::Tapping(_))
     }
@@ -162,7 +162,7 @@ impl Tapping {
         }
     }
 
-    /// Sends a barrier behind the taps: when it has passed, they are settled or lost.
+    /// Sends a barrier after the taps: once it has passed, they are settled or lost.
     fn send_barrier(&mut self, outlet: &Outlet<'_>) -> Result<Next, LineError> {
         self.barrier = self.barrier.wrapping_add(1);
         outlet.mark(self.number, RecordKind::Barrier, self.barrier.into())?;
@@ -170,7 +170,7 @@ impl Tapping {
         Ok(Next::Within(SEND_AGAIN))
     }
 
-    /// Goes on after the barrier: missing taps again, the end of the scan, or the next scan.
+    /// Continues after the barrier: missing taps again, the end of the scan, or the next scan.
     fn barrier_passed(&mut self, outlet: &Outlet<'_>) -> Result<Next, LineError> {
         if let Some(reason) = &self.gone {
             outlet.give_up(self.number, reason)?;
@@ -195,7 +195,7 @@ impl Tapping {
         Ok(Next::Now)
     }
 
-    /// Sends the end of scan number `scan`, as far as its plan has grown.
+    /// Sends the end of scan number `scan` for the plan as grown so far.
     fn end(&self, outlet: &Outlet<'_>, scan: u32) -> Result<(), LineError> {
         let tap_count = self.casing.taps.plan().taps().len();
         outlet.mark(self.number, RecordKind::End, end_mark(scan, tap_count))
@@ -237,13 +237,13 @@ impl Tapping {
     }
 }
 
-/// Has the source of `casing` plan the taps that were `added` to its first ones.
+/// Adds the taps `added` to the plan of the source of `casing`.
 pub(crate) fn grow(casing: &mut Casing, added: &[PlannedTap]) {
     if casing.taps.plan().added() == added {
         return;
     }
     match casing.taps.plan().begun().grown(added) {
         Ok(plan) => casing.taps.grow(plan),
-        Err(error) => tracing::error!(casing = casing.name, %error, "taps that are asked for besides are not planned"),
+        Err(error) => tracing::error!(casing = casing.name, %error, "additional taps could not be planned"),
     }
 }

@@ -25,7 +25,7 @@ pub(crate) fn casings_of(set: &Recordings, station_count: u16) -> Result<Vec<Set
     check_station_count(station_count)?;
     let is_slab = set.scan.geometry == Geometry::Line;
     let mut casings: Vec<SetCasing> = Vec::new();
-    // For each casing, the station that the list names, and the line that names it.
+    // For each casing, its station in the list, and the line that names it.
     let mut named: Vec<Option<(u16, usize)>> = Vec::new();
     let mut number_of: HashMap<Serial, usize> = HashMap::new();
     for (number, row) in (0..).zip(&set.taps) {

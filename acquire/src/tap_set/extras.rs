@@ -1,6 +1,6 @@
-//! Optional columns of `taps.csv`: what an archive knows of a tap beyond what a recorder knows.
+//! Optional columns of `taps.csv`: what an archive knows of a tap and a recorder does not.
 //!
-//! Each column may be missing, and each cell may be empty; then the set, or its reader, decides.
+//! Each column may be missing and each cell empty; then the set or its reader decides.
 
 use tapline_wire::{Channel, Geometry, Purpose, RETAKES_MAX, Unit, csv_text};
 
@@ -31,7 +31,7 @@ pub(crate) const COLUMNS: &[&str] = &[
 pub struct Extras {
     /// Station that made the tap; without it the reader distributes casings over its stations.
     pub station: Option<u16>,
-    /// How often the tap was taken before.
+    /// How often the tap was taken before this record.
     pub attempt: u16,
     /// Purpose of the tap; without it, angle and location decide whether it closes its ring.
     pub purpose: Option<Purpose>,
@@ -41,7 +41,7 @@ pub struct Extras {
     pub force_full_scale_n: Option<f64>,
     /// Volts of a full-scale sample of this tap, if it differs from the set's.
     pub sound_full_scale_v: Option<f64>,
-    /// Pascals of it, where it is not in volts.
+    /// Pascals of a full-scale sample, if it is not in volts.
     pub sound_full_scale_pa: Option<f64>,
     /// Distance from impact to microphone in m, if it differs from the set's.
     pub microphone_distance_m: Option<f64>,
@@ -76,7 +76,7 @@ impl Extras {
             }
         };
         if geometry == Geometry::Line && purpose == Some(Purpose::Closing) {
-            return Err(row.refuse("purpose", "another than closing: a line has no end to close"));
+            return Err(row.refuse("purpose", "not closing: a line has no end to close"));
         }
         Ok(Self {
             station: short("station", 1, u16::MAX)?,

@@ -35,7 +35,7 @@ const COUNTS_FULL_SCALE: f64 = 32_768.0;
 
 /// A folder of recorded taps: `scan.toml`, `taps.csv`, one WAV per tap, and `truth.csv` if the truth is known.
 ///
-/// It stands for all casings of the folder, or for one of them.
+/// It covers all casings of the folder, or one of them.
 #[derive(Debug)]
 pub struct TapSet {
     set: Arc<Recordings>,
@@ -146,7 +146,7 @@ fn header(file: impl Read + Seek, name: &str, file_bytes: u64, scan: &ScanToml) 
     }
 }
 
-/// What one stored unit is worth, by channel.
+/// Physical value of one stored unit, by channel.
 fn per_count(full_scales: &[f64], format: SampleFormat) -> Vec<f64> {
     let full_scale_stored = match format {
         SampleFormat::I16 => COUNTS_FULL_SCALE,

@@ -1,6 +1,6 @@
 //! Recordings without a header: 16-bit samples, little-endian, with the channels interleaved.
 //!
-//! Rate and channels are those of `scan.toml`; such a file has nothing to check them against.
+//! Rate and channels are those of `scan.toml`; the file has nothing to check them against.
 
 use tapline_wire::SampleFormat;
 

@@ -27,13 +27,13 @@ pub(crate) struct Recordings {
     pub(crate) dir: PathBuf,
     pub(crate) scan: ScanToml,
     scan_text: String,
-    /// What the samples are worth.
+    /// Scales of the samples.
     pub(crate) scales: Scales,
     /// The rows of the list of taps.
     pub(crate) taps: Vec<TapRow>,
     /// The header of each recording, or why it cannot be used.
     headers: Vec<Result<WavHeader, String>>,
-    /// What identifies the file of each recording, once it has been asked for: plans are made several times.
+    /// The identity of each recording's file, once it has been read: plans are made several times.
     beginnings: Vec<OnceLock<(u64, u64)>>,
     truth: Truth,
 }
@@ -74,7 +74,7 @@ impl Recordings {
 
     /// The plan of the taps in `rows` of the set, at the station that `station_of` gives each row.
     ///
-    /// It depends on these rows and their recordings alone, not on the rest of the set.
+    /// It depends only on these rows and their recordings, not on the rest of the set.
     pub(crate) fn plan(&self, rows: &[u32], station_of: impl Fn(usize) -> u16) -> Result<Plan, Error> {
         let taps = rows.iter().map(|&row| {
             let mut tap = self.taps[row as usize].tap;

@@ -1,4 +1,4 @@
-//! What the samples of a tap set are worth: `scan.toml` says it of all taps, `taps.csv` of one, and `calibration.toml` since when.
+//! The scales of a tap set: `scan.toml` gives them for all taps, `taps.csv` for one, and `calibration.toml` says since when.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ use crate::tap_set::taps_csv::TapRow;
 #[derive(Debug)]
 pub(crate) struct Scales {
     file: CalibrationFile,
-    /// Of the whole set, by the channels of `scan.toml`; `None` where nobody knows, or each tap says it.
+    /// For the whole set, by the channels of `scan.toml`; `None` if unknown, or given per tap.
     of_set: Vec<Option<FullScale>>,
     /// Unit of each channel.
     units: Vec<Unit>,
@@ -43,7 +43,7 @@ impl Scales {
         Ok(scales)
     }
 
-    /// Full scale of each channel of the tap with these `extras`; 1 where nobody knows.
+    /// Full scale of each channel of the tap with these `extras`; 1 if unknown.
     pub(crate) fn of_tap(&self, channels: &[Channel], extras: &Extras) -> Vec<f64> {
         let of = |(&channel, of_set): (&Channel, &Option<FullScale>)| {
             extras.full_scale(channel).or(*of_set).map_or(1.0, |(full_scale, _)| full_scale)
@@ -51,7 +51,7 @@ impl Scales {
         channels.iter().zip(&self.of_set).map(of).collect()
     }
 
-    /// What the plan of `taps` says of it.
+    /// The calibration for the plan of `taps`.
     pub(crate) fn calibration<'a>(&self, channels: &[Channel], taps: impl Iterator<Item = &'a TapRow>) -> Calibration {
         let last_ns = taps.map(|tap| tap.extras.tap_time_ns).max().filter(|&time_ns| time_ns != 0);
         let mut calibration = self.file.calibration(None);
@@ -87,7 +87,7 @@ fn unit_of(channel: Channel, of_set: Option<FullScale>, taps_file: &Path, taps: 
             value: tap.extras.full_scale(channel).map_or_else(String::new, |(full_scale, _)| full_scale.to_string()),
             bound: match of_set {
                 Some(_) => format!("a full scale in {}, the unit of the whole set", unit.name()),
-                None => format!("a full scale in {}, as of the other taps", unit.name()),
+                None => format!("a full scale in {}, as for the other taps", unit.name()),
             },
         }),
     }

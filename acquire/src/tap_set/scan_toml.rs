@@ -30,7 +30,7 @@ pub(crate) struct ScanToml {
     pub force_full_scale: Option<FullScale>,
     pub sound_full_scale: Option<FullScale>,
     pub microphone_distance_m: f64,
-    /// Of a channel without a full scale, a unit that [`Unit::of_recording`] has is that of a sample of 1.
+    /// For a channel without a full scale, a unit that [`Unit::of_recording`] knows is that of a sample of 1.
     pub force_unit: Option<String>,
     /// Likewise.
     pub sound_unit: Option<String>,
@@ -60,7 +60,7 @@ struct Written {
 }
 
 impl ScanToml {
-    /// What a full-scale sample of `channel` is worth, where it is stated.
+    /// Value of a full-scale sample of `channel`, if it is stated.
     pub(crate) fn full_scale(&self, channel: Channel) -> Option<FullScale> {
         match channel {
             Channel::Force => self.force_full_scale,
@@ -68,7 +68,7 @@ impl ScanToml {
         }
     }
 
-    /// What a sample of 1.0 is by the unit that is named, where it is one of `channel`.
+    /// Value of a sample of 1.0 in the named unit, if it is one of `channel`.
     pub(crate) fn named_unit(&self, channel: Channel) -> Option<FullScale> {
         let name = match channel {
             Channel::Force => &self.force_unit,

@@ -1,7 +1,7 @@
 //! CSV tables whose columns have fixed names and any order.
 //!
-//! Cells are separated as in the header: by commas, semicolons or tabs. Spreadsheets write semicolons where a comma is the
-//! decimal sign; between semicolons numbers may have it.
+//! Cells are separated as in the header: by commas, semicolons or tabs. Spreadsheets write semicolons if the comma is the
+//! decimal sign; numbers may use it if semicolons separate the cells.
 
 use std::path::Path;
 
@@ -27,7 +27,7 @@ pub struct Row<'a> {
     line: usize,
 }
 
-/// Calls `take` with every row of the table `text` of `file`, in order; `optional` columns may be missing, and are then
+/// Calls `take` for every row of the table `text` of `file`, in order; `optional` columns may be missing and are then
 /// empty.
 ///
 /// # Errors
@@ -78,7 +78,7 @@ impl<'a> Table<'a> {
             line,
             fault,
             column: column.to_owned(),
-            // Without those that may be absent where one is that may not.
+            // If a required column is missing, optional ones are not listed.
             known: if fault == "missing" { columns.join(",") } else { [columns, optional].concat().join(",") },
         };
         for (place, name) in header.iter().enumerate() {

@@ -38,7 +38,7 @@ pub struct TapRow {
     pub file: String,
     /// The tap; at station 0 if the list names none.
     pub tap: PlannedTap,
-    /// Measured velocity; of a tap set without a column for it, the other one.
+    /// Measured velocity; in a tap set without a column for it, the only velocity.
     pub velocity_measured_m_per_s: Option<f64>,
     /// The values of the optional columns.
     pub extras: Extras,
@@ -55,7 +55,7 @@ pub(crate) fn parse(file: &Path, text: &str, geometry: Geometry) -> Result<Vec<T
     Ok(rows)
 }
 
-/// The taps that `text`, a table with the columns of `taps.csv`, lists; one recording may hold several of them.
+/// The taps listed in `text`, a table with the columns of `taps.csv`; one recording may hold several.
 ///
 /// # Errors
 /// [`Error`] with the line and column of `file` for the first cell out of bounds, and for a tap that is listed twice.
@@ -163,7 +163,7 @@ fn mark_closing_taps(rows: &mut [TapRow]) {
     }
 }
 
-/// Refuses a shoulder whose angles do not go around once as its locations ascend: where its damage begins and ends would be told
+/// Refuses a shoulder whose angles do not go around once as its locations ascend: the ends of its damage would be reported
 /// wrongly.
 fn refuse_turning_angles(file: &Path, rows: &[TapRow]) -> Result<(), Error> {
     let mut shoulders: BTreeMap<(Serial, u16), BTreeMap<u32, (f64, usize)>> = BTreeMap::new();
@@ -204,7 +204,7 @@ fn refuse_duplicates(file: &Path, rows: &[TapRow]) -> Result<(), Error> {
     Ok(())
 }
 
-/// Refuses a recording that two taps share, however its path is written.
+/// Refuses a recording that two taps share, also if its paths differ in spelling.
 fn refuse_shared_recordings(file: &Path, rows: &[TapRow]) -> Result<(), Error> {
     let mut line_of = HashMap::with_capacity(rows.len());
     for row in rows.iter().filter(|row| !row.file.is_empty()) {

@@ -76,7 +76,7 @@ fn a_recording_without_a_header_is_the_same_taps() {
         assert_eq!((header.sample_count, header.channels), (same.sample_count, same.channels));
     }
     fs::write(dir.path().join("b.raw"), [0; 18]).unwrap();
-    assert!(refusal(&mut open(&dir), 1).contains("18 bytes of samples are no whole number of 4-byte samples"));
+    assert!(refusal(&mut open(&dir), 1).contains("18 bytes of samples are not a whole number of 4-byte samples"));
 }
 
 /// Catches a casing that is measured again, with the same names and record lengths, and passes for the same recordings.
@@ -157,7 +157,7 @@ fn a_bad_recording_is_refused_alone() {
         (&|| write_wav(&path, "b.wav", 2, 40_960, 16, &[]), "it has no samples"),
         (
             &|| write_wav(&path, "b.wav", 2, 40_960, 16, &[1.0; 4]),
-            "it has 2 samples a channel; scan.toml has the trigger at sample 2",
+            "it has 2 samples per channel; scan.toml has the trigger at sample 2",
         ),
     ];
     for (spoil, reason) in cases {
@@ -204,7 +204,7 @@ fn a_recording_that_changes_is_refused() {
     let mut set = open(&dir);
     write_wav(dir.path(), "a.wav", 2, 40_960, 16, &[1.0; 10]);
     assert!(
-        refusal(&mut set, 0).contains("it has grown to 5 samples a channel since the set was opened with at most 4")
+        refusal(&mut set, 0).contains("it has grown to 5 samples per channel since the set was opened with at most 4")
     );
     fs::remove_file(dir.path().join("a.wav")).unwrap();
     assert!(refusal(&mut set, 0).contains("the file does not exist"));
@@ -299,7 +299,7 @@ fn what_an_archive_knows_comes_back() {
     fs::write(dir.path().join("taps.csv"), format!("{header}{rows}")).unwrap();
     let error = TapSet::open(dir.path(), 1).unwrap_err().to_string();
     assert!(
-        error.contains("line 3: force_full_scale_n is \"\"; it must be a full scale in N, as of the other taps"),
+        error.contains("line 3: force_full_scale_n is \"\"; it must be a full scale in N, as for the other taps"),
         "{error}"
     );
     let scan = dir.path().join("scan.toml");

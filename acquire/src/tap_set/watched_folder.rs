@@ -33,18 +33,18 @@ const SAME_NAME_MAX: u32 = 100_000;
 pub struct FolderArrivals {
     folder: PathBuf,
     station: u16,
-    /// Sets that were begun and not put aside yet: the one under way, and perhaps one before it whose casings are being
+    /// Sets begun and not put aside yet: the one under way, and perhaps an earlier one whose casings are being
     /// closed.
     sets: Vec<OpenSet>,
     /// Sets that cannot be put aside; they stay where they are, and are not tried again.
     stuck: BTreeSet<OsString>,
-    /// What each set lacks whose tables have not both come.
+    /// What each set lacks that does not have both tables yet.
     half: Vec<String>,
     /// Sets that may not be read; they are tried again.
     unreadable: BTreeSet<OsString>,
     /// Why the folder itself cannot be read.
     fault: Option<String>,
-    /// Alarms for people: sets that are left out, and others.
+    /// Alarms for people, such as sets that are left out.
     refusals: Vec<String>,
     alarms: Vec<String>,
 }
@@ -75,8 +75,8 @@ impl FolderArrivals {
             fs::create_dir_all(&part).map_err(|source| Error::Unwatchable { station, part, source })?;
         }
         if !was_there {
-            // It may be a slip of who wrote the name.
-            tracing::warn!("station {station}: the folder {} was not there, and is made", folder.display());
+            // The name may have been mistyped.
+            tracing::warn!("station {station}: the folder {} did not exist; it is made", folder.display());
         }
         Ok(Self {
             folder: folder.to_owned(),
@@ -108,7 +108,7 @@ impl FolderArrivals {
         None
     }
 
-    /// Puts aside the sets of which no casing is to come or under way.
+    /// Puts aside the sets without casings to come or under way.
     fn put_aside(&mut self) {
         let mut at = 0;
         while let Some(set) = self.sets.get(at) {
@@ -143,7 +143,7 @@ impl FolderArrivals {
 
     fn fail(&mut self, name: &OsStr, reason: &str) {
         let set = self.folder.join(name);
-        // The set is moved, and may be moved again: its files are named as seen from it.
+        // The set is moved, and may be moved again: its files are named relative to it.
         let reason = &reason.replace(&format!("{}/", set.display()), "");
         self.refusals.push(format!("tap set {} cannot be used: {reason}", name.display()));
         match put_into(&set, &self.folder.join(FAILED)) {
@@ -172,7 +172,7 @@ impl FolderArrivals {
             return;
         }
         tracing::error!(
-            "station {}: tap set {} cannot be moved away, and is left: {error}",
+            "station {}: tap set {} cannot be moved away and is left: {error}",
             self.station,
             set.display()
         );

@@ -1,6 +1,6 @@
 //! WAV files: their headers, and their samples channel by channel.
 //!
-//! `hound` is only the oracle of the tests, because it fails on an odd chunk that is padded as RIFF requires, and
+//! `hound` is used only as the oracle in tests, because it fails on an odd chunk that is padded as RIFF requires, and
 //! returns samples one by one where a slice is needed.
 
 use std::fs::File;
@@ -57,15 +57,15 @@ pub(crate) enum WavFault {
     Empty,
     #[error("it is cut short: the header promises {promised_bytes} bytes of samples, the file holds {got_bytes}")]
     Truncated { promised_bytes: u64, got_bytes: u64 },
-    #[error("{data_bytes} bytes of samples are no whole number of {frame_bytes}-byte samples of all channels")]
+    #[error("{data_bytes} bytes of samples are not a whole number of {frame_bytes}-byte samples of all channels")]
     Ragged { data_bytes: u64, frame_bytes: u64 },
-    #[error("it has {got} samples a channel; at most {SAMPLE_COUNT_MAX} are taken")]
+    #[error("it has {got} samples per channel; at most {SAMPLE_COUNT_MAX} are taken")]
     TooLong { got: u64 },
     #[error("it has {got} channels; scan.toml lists {need}")]
     Channels { got: u16, need: usize },
     #[error("its sample rate is {got_hz} Hz; scan.toml says {need_hz} Hz")]
     Rate { got_hz: u32, need_hz: f64 },
-    #[error("it has {got} samples a channel; scan.toml has the trigger at sample {pre_trigger_samples}")]
+    #[error("it has {got} samples per channel; scan.toml has the trigger at sample {pre_trigger_samples}")]
     TooShort { got: u32, pre_trigger_samples: u32 },
     #[error("its samples are {}; most recordings of the set have {}", format_name(*got), format_name(*need))]
     Format { got: SampleFormat, need: SampleFormat },
@@ -73,7 +73,7 @@ pub(crate) enum WavFault {
     NonFinite { sample: usize, channel: usize, value: f32 },
     #[error("it became shorter while it was read")]
     Shrunk,
-    #[error("it has grown to {got} samples a channel since the set was opened with at most {most}")]
+    #[error("it has grown to {got} samples per channel since the set was opened with at most {most}")]
     Grown { got: u32, most: u32 },
 }
 

@@ -102,7 +102,7 @@ fn every_fault_has_its_reason() {
         (good[..data_at].to_vec(), "it is cut short: the header promises 8 bytes of samples, the file holds 0"),
         (good[..good.len() - 3].to_vec(), "the header promises 8 bytes of samples, the file holds 5"),
         (with(data_at - 4, &[0xff; 4]), "promises 4294967295 bytes of samples, the file holds 8"),
-        (with(data_at - 4, &[6]), "6 bytes of samples are no whole number of 4-byte samples"),
+        (with(data_at - 4, &[6]), "6 bytes of samples are not a whole number of 4-byte samples"),
         (wav_i16(1, &[]), "it has no samples"),
         (wav_f32(2, &[0.0, 1.0, 2.0, f32::NAN]), "sample 1 of channel 1 (both from 0) is NaN, not a finite number"),
         (wav_f32(1, &[0.0, f32::NEG_INFINITY]), "sample 1 of channel 0 (both from 0) is -inf"),

@@ -6,7 +6,7 @@ use crate::stats::{chi_squared_tail, f_tail, normal_quantile, t_quantile};
 /// Euler's constant: the mean of the standard Gumbel distribution.
 const EULER: f64 = 0.577_215_664_9;
 
-/// What the spread of white rings counts beside that of the reference's shoulders, in shoulders.
+/// Weight of the spread of white rings next to that of the reference's shoulders, in shoulders.
 const PRIOR_COUNT: f64 = 8.0;
 
 /// Strongest arcs of sound shoulders spread more than those of white rings by this factor: their scatter is estimated, that of white

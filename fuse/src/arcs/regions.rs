@@ -22,7 +22,7 @@ pub(crate) fn arcs_above(statistic: &ArcStatistic, ring: &Ring, maps: &Maps, lim
     found
 }
 
-/// How far each place stands out with its neighbours, at the depth where it does most: what an arc of the three says. NaN
+/// How far each place stands out with its neighbours, at the depth where it does most: evidence of this arc of three. NaN
 /// where the place has no value.
 pub(crate) fn damage_index(statistic: &ArcStatistic, ring: &Ring, maps: &Maps) -> Vec<f64> {
     (0..ring.len()).map(|place| statistic.about(ring, maps, place).max_by(f64::total_cmp).unwrap_or(f64::NAN)).collect()

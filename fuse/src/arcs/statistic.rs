@@ -1,4 +1,4 @@
-//! How far an arc stands out: the evidence of the sum of its scores, by what such a sum scatters by on sound shoulders.
+//! How far an arc stands out: the evidence of the sum of its scores, over the scatter of such sums on sound shoulders.
 
 use crate::evidence::{ABSENT, Scatter, Sum, Vector, has_value};
 use crate::index::Scores;
@@ -11,14 +11,14 @@ pub(crate) const ARC_MAX: usize = 20;
 /// Fewest places that tell how the sum of several offsets scatters.
 const PLACES_MIN: usize = 8;
 
-/// What the mean variance of few arcs of one casing is widened by, times their count: found on sound casings of two simulators
+/// The widening of the mean variance of few arcs of one casing, times their count: found on sound casings of two simulators
 /// (`docs/rates.md`).
 const OWN_WIDENING: f64 = 4.0;
 
 /// How the scores of offsets become those of a place, and those of places the evidence of an arc.
 ///
-/// A crack begins at the belt edge and reaches inwards: what it does shows at the first offset, or the first two, and so on.
-/// So the sums are those over the first offset, the first two, ..., all of them.
+/// A crack begins at the belt edge and reaches inwards: its effect shows at the first offset, or the first two, and so on.
+/// So the sums are over the first offset, the first two, ..., all offsets.
 #[derive(Debug, Clone)]
 pub(crate) struct ArcStatistic {
     /// Numbers of the offsets, from the belt edge inwards.
@@ -67,8 +67,8 @@ pub(crate) struct Arc {
 pub(crate) type Maps = Vec<Vec<Vector>>;
 
 impl ArcStatistic {
-    /// What the sound places of the reference's shoulders teach; `is_own` where any of them may be cracked: then what lies below
-    /// the median tells how far they scatter.
+    /// Fits the sound places of the reference's shoulders; `is_own` if any of them may be cracked: then the values below
+    /// the median determine the scatter.
     pub(crate) fn fit(offsets: Vec<usize>, reference: &[(&Ring, Scores)], is_own: bool) -> Self {
         let mut statistic = Self { offsets, depths: Vec::new() };
         for depth in 1..=statistic.offsets.len() {

@@ -1,4 +1,4 @@
-//! Rings of white noise: what arcs make of scores that mean nothing.
+//! Rings of white noise: the arcs of scores without any information.
 
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;

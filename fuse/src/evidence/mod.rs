@@ -1,14 +1,14 @@
 //! How far a vector of scores stands out in the direction of damage.
 //!
-//! Damage raises some discriminators and leaves others as they are, and nobody knows beforehand which. With z the scores, S their
+//! Damage raises some discriminators and does not change others, and it is not known beforehand which. With z the scores, S their
 //! covariance on sound places and w the weights of a sum, the evidence is the greatest w'z / sqrt(w'Sw) over two sets of w:
 //!
 //! - w >= 0 (Roy's union-intersection principle, 1953): the scores as they are. A discriminator that moves the wrong way does not
 //!   count against the others.
-//! - Sw >= 0 (the likelihood ratio of a shift that is nowhere below 0; Kudo 1963): each score beside what the others let expect of a
+//! - Sw >= 0 (the likelihood ratio of a shift that is nowhere below 0; Kudo 1963): each score against what the others predict for a
 //!   sound place. A crack in a stiff place leaves some scores where they are that should have fallen.
 //!
-//! In both, S takes away what a place that is only softer than others moves together.
+//! In both, S removes the joint change of scores at a place that is only softer than others.
 
 mod covariance;
 mod scatter;

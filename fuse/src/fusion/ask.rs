@@ -1,4 +1,4 @@
-//! Which taps are wanted besides: what stands out is tapped again before it is judged.
+//! Which additional taps are needed: places that stand out are tapped again before they are judged.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,7 +15,7 @@ use crate::fusion::{Fusion, Seen};
 /// Most arcs of a shoulder that are tapped again, the strongest first.
 const ARCS_MAX: usize = 4;
 
-/// Fewest controls: places that do not stand out, which tell the level of a second reading. There are as many as suspects where
+/// Fewest controls: places that do not stand out, which give the level of a second reading. There are as many as suspects if
 /// these are more; twice as many take time and decide no more (`docs/rates.md`).
 const CONTROLS_MIN: usize = 24;
 
@@ -27,7 +27,7 @@ struct Wanted {
 }
 
 impl Fusion {
-    /// The taps that the casing of scan number `scan` wants besides before it is judged, `room` at most: of each arc that sound
+    /// The additional taps that the casing of scan number `scan` needs before its verdict, `room` at most: of arcs that sound
     /// shoulders reach at [`confirm_rate`](crate::FuseConfig::confirm_rate), where a tap that stands out alone counts in full, at
     /// the offset where the arc stands out most, and of places that nothing is known of, as often as the scan tapped there, and
     /// controls. None of a shoulder that was tapped again already.
@@ -39,7 +39,7 @@ impl Fusion {
         if room == 0 || !self.config.confirms() {
             return Ok(Vec::new());
         }
-        // A casing that was taken away, or lacks taps for another reason, does not pass whatever a second reading says.
+        // A casing that was taken away, or lacks taps for another reason, cannot pass even with a second reading.
         let is_refused = |seen: &Option<Seen>| seen.as_ref().is_some_and(|seen| seen.is_refused);
         let rows = |&scan: &usize| self.plan.scans()[scan].taps.iter();
         if self.who.casing(scan).iter().flat_map(rows).any(|&row| is_refused(&self.seen[row as usize])) {
@@ -51,7 +51,7 @@ impl Fusion {
         for &scan in &compared.scans {
             let has_second =
                 self.plan.scans()[scan].taps.iter().any(|&row| self.plan.taps()[row as usize].is_second_reading());
-            // An index that looks at all offsets at once does not tell where to tap again.
+            // An index over all offsets at once does not say where to tap again.
             let is_by_offset = |view: &View<'_>| view.scores.by_offset.len() == offset_count;
             let Some(view) = compared.view(scan).filter(|view| !has_second && is_by_offset(view)) else { continue };
             let limit = view.fitted.limits.at(self.config.confirm_rate);

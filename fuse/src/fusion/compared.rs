@@ -1,4 +1,4 @@
-//! A casing is compared with its reference.
+//! Compares a casing with its reference.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -60,22 +60,22 @@ impl Who {
     }
 }
 
-/// The shoulders of a casing beside their reference.
+/// The shoulders of a casing next to their reference.
 #[derive(Debug)]
 pub(super) struct Compared {
     /// Their scans.
     pub scans: Vec<usize>,
     pub shoulders: Vec<Shoulder>,
     pub conditions: Conditions,
-    /// `None` where the reference teaches nothing of such a scan.
+    /// `None` if nothing can be learned from the reference for such a scan.
     pub found: Option<Found>,
-    /// By shoulder, whether its places differ more than those of the reference: by its scales noise is damage.
+    /// By shoulder, whether its places differ more than those of the reference: on its scales noise looks like damage.
     pub is_scatter_off: Vec<bool>,
     /// What the casing says of itself, where there is such a shoulder.
     pub own: Option<Found>,
 }
 
-/// What a reference says of a casing.
+/// A casing as judged by a reference.
 #[derive(Debug)]
 pub(super) struct Found {
     pub fitted: Arc<FittedReference>,
@@ -93,7 +93,7 @@ pub(super) struct Readings {
 }
 
 impl Fusion {
-    /// The casing of scan number `scan` beside its reference, by whatever has come so far.
+    /// The casing of scan number `scan` compared with its reference, from what has come so far.
     pub(super) fn compared(&mut self, scan: usize) -> Arc<Compared> {
         let changes: Vec<(usize, u64)> =
             self.who.involved(scan).into_iter().map(|involved| (involved, self.progress[involved].changes)).collect();

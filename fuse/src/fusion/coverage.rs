@@ -1,4 +1,4 @@
-//! Whether what should have come of a scan came: a sensor may be dead or stuck, a location without its features.
+//! Whether a scan gave all that it should: a sensor may be dead or stuck, or a location without its features.
 
 use tapline_wire::Discriminator;
 

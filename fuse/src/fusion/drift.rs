@@ -1,4 +1,4 @@
-//! What the closing tap of a turn says: how far the rig has drifted since the first.
+//! The drift of the rig, from the first tap of a turn to its closing tap.
 
 use std::collections::BTreeMap;
 

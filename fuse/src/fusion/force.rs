@@ -1,4 +1,4 @@
-//! What a scan tells of its force sensor and of its velocities, which no single tap does.
+//! What a scan shows of its force sensor and velocities that no single tap does.
 
 use tapline_wire::{Channel, Discriminator};
 
@@ -7,17 +7,17 @@ use crate::fusion::compared::Compared;
 use crate::shoulder::{Shoulder, Turn};
 use crate::stats::median;
 
-/// Least rise of the impulse, as a logarithm, that is off. Where the force of a half is 20 % off, one half lies 9 % above the
+/// Smallest rise of the impulse, as a logarithm, that is off. If the force of a half is 20 % off, one half lies 9 % above the
 /// median.
 const RISE_OFF: f64 = 0.08;
 /// Least fall that is off, likewise: a layer over a crack takes up to 15 % of the impulse.
 const FALL_OFF: f64 = 0.17;
-/// Most that the contact time changes meanwhile; most cracks lengthen it further.
+/// Largest change of the contact time in such a case; most cracks lengthen it more.
 const TAU_SAME: f64 = 0.035;
 
 /// How far F_max tau and tau lie from a level, as logarithms.
 ///
-/// The impulse of an impact is F_max tau, but for a factor: a stiffer or softer place changes both, but not their product.
+/// The impulse of an impact is F_max tau up to a factor: a stiffer or softer place changes both, but not their product.
 #[derive(Debug, Clone, Copy)]
 struct Impulse {
     impulse: f64,

@@ -17,20 +17,20 @@ use crate::{Error, FuseConfig};
 /// Most places of an arc that are tapped again; a longer one shows at some of its places as well.
 pub(super) const PLACES_MAX: usize = 12;
 
-/// A region reaches across to every offset at which it shows at least this part of what it shows at the best.
+/// A region extends to every offset at which it shows at least this fraction of what it shows at the best offset.
 const REACH_FRACTION: f64 = 0.5;
 
 /// A suspect arc whose second reading alone stands out less is cleared.
 const CLEARED_SD: f64 = 1.0;
 
-/// One is rejected only if its second reading alone stands out so far: 1 % of readings of sound places do, and more of places that
-/// were chosen for their first one, of which a part stays.
+/// One is rejected only if its second reading alone stands out this far: 1 % of readings of sound places do, and more of places
+/// chosen by their first reading, part of which persists.
 const CONFIRMED_SD: f64 = 2.33;
 
-/// Offsets that show this part of the most show it alike.
+/// Offsets with this fraction of the maximum count as equal.
 const ALIKE_FRACTION: f64 = 0.98;
 
-/// What one offset alone shows of a shoulder.
+/// A shoulder as a single offset shows it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OffsetMap {
     /// Offset from the belt edge, mm.
@@ -39,7 +39,7 @@ pub struct OffsetMap {
     pub index: Vec<Option<f64>>,
 }
 
-/// A shoulder with what its reference says of it.
+/// A shoulder as judged by its reference.
 pub(super) struct View<'a> {
     pub(super) shoulder: &'a Shoulder,
     /// What it is compared with.
@@ -78,8 +78,8 @@ impl Compared {
 impl Fusion {
     /// The verdict on scan number `scan` with its damage map, one cell a location in their order.
     ///
-    /// It can be had at any time. Before the scan is [`ready`](Self::ready) it rests on what has come, and is never PASS:
-    /// [`Reasons::NOT_ENDED`] and [`Reasons::TAPS_MISSING`] then speak of the scan or of its reference. The publisher fills
+    /// It is available at any time. Until the scan is [`ready`](Self::ready) it rests on what has come and is never PASS:
+    /// [`Reasons::NOT_ENDED`] and [`Reasons::TAPS_MISSING`] then refer to the scan or its reference. The publisher fills
     /// in the stamp's sequence and sender.
     ///
     /// # Errors
@@ -140,7 +140,7 @@ impl Fusion {
     }
 
     /// The damage index of every location of scan number `scan` at each offset that is known alone, in the order of the
-    /// locations and of the offsets: what a scan at that offset only would have shown. With whatever has come.
+    /// locations and of the offsets: the result of a scan at that offset only. From what has come so far.
     ///
     /// # Errors
     /// [`Error::NoSuchScan`].
@@ -273,7 +273,7 @@ impl<'a> View<'a> {
         let tells_damage = !self.is_scatter_off || self.fitted.setup.is_own;
         let mut is_inside = vec![false; ring.len()];
         for (arc, second) in &arcs {
-            // A location on a line stands alone between others that are far: it is looked at again before it condemns.
+            // A location on a line is isolated between distant ones: it is inspected again before it leads to REJECT.
             let is_alone = geometry == Geometry::Line && arc.length < 2;
             let is_confirmed = second.is_none_or(|value| value >= CONFIRMED_SD);
             let is_damage = arc.value >= judgement.limit_reject && is_confirmed && !is_alone && tells_damage;
@@ -358,9 +358,9 @@ impl<'a> View<'a> {
             places.for_each(|place| sum.add(&second.by_offset[offset][place]));
         }
         let count = (0..weights.len()).map(|d| sum.count(d)).max()? as usize;
-        // An arc that was tapped again in a small part was not asked for.
+        // An arc of which only a small part was tapped again was not requested.
         let asked = arc.length.min(PLACES_MAX);
-        // The median of the controls is known no better than they are many.
+        // The median of the controls is only as certain as their number allows.
         let of_controls = count as f64 / control_count;
         let value = statistic.of_places().next()?.along(&weights, &sum.over_root(), of_controls);
         (2 * count >= asked && asked > 0 && !value.is_nan()).then_some(value)

@@ -1,7 +1,7 @@
 //! The state machine: taps and ends of scans in, in any order; verdicts out.
 //!
 //! `compared` compares a casing with its reference; `judge` says which limits it reaches, from which `crate::verdict` makes PASS,
-//! RE-INSPECT or REJECT; `reasons`, `coverage`, `force` and `drift` say what speaks against PASS whatever the scores are; `ask` wants
+//! RE-INSPECT or REJECT; `reasons`, `coverage`, `force` and `drift` find what rules out PASS regardless of scores; `ask` requests
 //! more taps.
 
 pub(crate) mod ask;
@@ -24,7 +24,7 @@ use crate::fusion::compared::{Compared, Who};
 use crate::shoulder::ring::Ring;
 use crate::{Error, FuseConfig, Reference, ReferenceSet};
 
-/// What came of one planned tap.
+/// The result of one planned tap.
 #[derive(Debug, Clone, Copy)]
 struct Seen {
     attempt: u16,
@@ -34,11 +34,11 @@ struct Seen {
     values: Values,
 }
 
-/// Where one scan stands.
+/// The progress of one scan.
 #[derive(Debug, Clone, Copy, Default)]
 struct Progress {
     seen_count: usize,
-    /// How often what came of it has changed.
+    /// How often its data have changed.
     changes: u64,
     is_ended: bool,
     is_judged: bool,
@@ -126,8 +126,8 @@ impl Fusion {
 
     /// Takes in one tap's discriminators, or its refusal ([`Quality::REFUSED`]).
     ///
-    /// One that is to be taken again ([`Quality::RETAKE`]) is as if it had not come. A later attempt replaces an earlier
-    /// one; the same record twice counts once. A record that changes what a verdict was reached from makes its scans
+    /// One that is to be taken again ([`Quality::RETAKE`]) counts as missing. A later attempt replaces an earlier
+    /// one; the same record twice counts once. A record that changes the basis of a verdict makes its scans
     /// [`ready`](Self::ready) again.
     ///
     /// # Errors
@@ -178,7 +178,7 @@ impl Fusion {
         }
     }
 
-    /// Plan rows of scan number `scan` of which nothing has come yet, ascending; none for a scan that is not planned.
+    /// Plan rows of scan number `scan` still missing, ascending; none for a scan that is not planned.
     pub fn missing(&self, scan: usize) -> Vec<u32> {
         let rows = self.plan.scans().get(scan).map_or(&[][..], |s| &s.taps);
         rows.iter().copied().filter(|&row| self.seen[row as usize].is_none()).collect()
@@ -206,7 +206,7 @@ impl Fusion {
     /// Plan rows of the taps of scan number `scan` that enter its index if they come, with their names: all but the closing
     /// ones.
     ///
-    /// A name has the velocity that was meant: a tap that struck out is compared with those beside it, under its flag.
+    /// A name has the intended velocity: a tap that missed it is compared with its neighbours, and keeps its flag.
     fn entering(&self, scan: usize) -> impl Iterator<Item = (u32, TapId)> {
         entering(&self.plan, scan)
     }

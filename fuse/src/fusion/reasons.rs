@@ -1,4 +1,4 @@
-//! What speaks against PASS before any score is looked at: what is missing, refused, unknown or not calibrated.
+//! Reasons against PASS that do not depend on scores: what is missing, refused, unknown or not calibrated.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use crate::fusion::{Fusion, closing_location};
 use crate::shoulder::ring::Ring;
 
 impl Fusion {
-    /// What the state of the scan and of its reference gives reason for.
+    /// The reasons that follow from the state of the scan and of its reference.
     pub(super) fn reasons_of(&self, scan: usize, compared: &Arc<Compared>) -> Reasons {
         let mut reasons = Reasons::default();
         for involved in self.who.involved(scan) {
@@ -27,7 +27,7 @@ impl Fusion {
         if seen().any(|seen| seen.is_refused) {
             reasons.insert(Reasons::TAPS_REFUSED);
         }
-        // What is wrong with all of a shoulder stands out nowhere in it.
+        // A fault of the whole shoulder stands out nowhere in it.
         if !Quality::on_most(seen().map(|seen| seen.quality)).is_empty() {
             reasons.insert(Reasons::FLAGGED);
         }
@@ -37,7 +37,7 @@ impl Fusion {
         if self.lacks_features(scan) {
             reasons.insert(Reasons::FEATURES_ABSENT);
         }
-        // What another shoulder lacks is its own affair, unless this one is compared with it.
+        // What another shoulder lacks does not matter here, unless this one is compared with it.
         if self.who.reference(scan).iter().any(|&other| other != scan && self.lacks_features(other)) {
             reasons.insert(Reasons::REFERENCE_LACKS_FEATURES);
         }
@@ -78,13 +78,13 @@ impl Fusion {
         turns.sort_by(|a, b| a.0.total_cmp(&b.0));
         turns.iter().enumerate().all(|(number, (_, tapped))| {
             let there: Vec<_> = all.iter().copied().filter(|(location, _)| tapped.contains(location)).collect();
-            // A few taps farther in are more than was asked for.
+            // A few taps farther in are a bonus.
             let goes_around = number == 0 || 2 * there.len() > all.len();
             !goes_around || Ring::of(Geometry::Ring, &there, closing_location(&self.plan, scan)).is_whole()
         })
     }
 
-    /// What the calibration of the channels gives reason for.
+    /// The reasons that follow from the calibration of the channels.
     fn calibration_reasons(&self) -> Reasons {
         let recording = &self.plan.recording;
         let mut reasons = Reasons::default();

@@ -1,4 +1,4 @@
-//! The damage index: what the taps of a place show, one score an offset and discriminator, behind one trait.
+//! The damage index: the taps of a place as one score per offset and discriminator, behind one trait.
 //!
 //! | file | index |
 //! |---|---|
@@ -26,7 +26,7 @@ pub(crate) struct Setup {
     pub offset_of: Vec<usize>,
     /// How many offsets there are.
     pub offset_count: usize,
-    /// Whether the shoulders that teach are those that are judged: any of their places may be cracked.
+    /// Whether the judged shoulders are their own reference: any of their places may be cracked.
     pub is_own: bool,
     /// Whether the shoulders of a casing have one level in common, as lines on one slab have.
     pub has_common_level: bool,

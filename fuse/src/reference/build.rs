@@ -1,4 +1,4 @@
-//! A reference is made of shoulders: directions learned, scales and limits summed up, all of it signed.
+//! Makes a reference from shoulders: learns directions, summarises scales and limits, and signs all of it.
 
 use std::collections::BTreeMap;
 
@@ -16,7 +16,7 @@ use crate::shoulder::{Shoulder, Turn};
 use crate::stats::{mean_and_sd, median};
 use crate::{Direction, Directions, Error, FuseConfig, IndexKind, auc, index};
 
-/// Fewest locations of each class that a direction is learned from.
+/// Fewest locations of each class from which a direction is learned.
 const CLASS_MIN: usize = 20;
 
 /// Standard errors by which an AUC must differ from a half for its direction to be learned.
@@ -25,13 +25,13 @@ const SURE_AT: f64 = 3.0;
 /// What a reference is made of.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Built {
-    /// Which discriminators the summary is of, which way they move, the rate of false calls.
+    /// The discriminators in the summary, their directions, and the rates of false calls.
     pub config: FuseConfig,
     /// Archives the shoulders come from.
     pub lineage: Vec<Origin>,
     /// How the discriminators were extracted: the table `[process]` as TOML, every default spelled out.
     pub process: String,
-    /// Whether directions are learned from labels, where those tell; else they are those of `config`.
+    /// Whether directions are learned from labels, if these suffice; else they are those of `config`.
     pub learns_directions: bool,
 }
 
@@ -61,10 +61,10 @@ pub fn build_reference(of: &Built, shoulders: Vec<KnownShoulder>) -> Result<Refe
     let config = FuseConfig { index: IndexKind::default(), directions: set.directions, ..of.config.clone() };
     config.validate()?;
     let setup = setup(&config, &pattern.conditions, false, false);
-    // What is found here is remembered: a scan like the reference's own asks for the same.
+    // The result is cached: a scan like the reference's own needs the same.
     let offsets = pattern.conditions.offsets_inwards();
     let fitted = set.fitted(&setup, &offsets, &pattern, &Normalisation::default());
-    let fitted = fitted.ok_or_else(|| refuse("its sound locations are too few, or nothing of them varies"))?;
+    let fitted = fitted.ok_or_else(|| refuse("its sound locations are too few, or their values do not vary"))?;
     set.summary = summed_up(&config, &pattern, &known, &fitted);
     let casings = set.casings();
     set.summary.standing_out =
@@ -72,7 +72,7 @@ pub fn build_reference(of: &Built, shoulders: Vec<KnownShoulder>) -> Result<Refe
     Ok(set.signed())
 }
 
-/// What labels say of one discriminator.
+/// What labels show of one discriminator.
 struct Learned {
     /// Probability that it is greater at a cracked location than at a sound one.
     auc: f64,

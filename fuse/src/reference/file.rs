@@ -1,4 +1,4 @@
-//! Shoulders of earlier runs, kept as a reference: what came of their taps, and what they are known to be.
+//! Shoulders of earlier runs, kept as a reference: the results of their taps, and their known state.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -17,13 +17,13 @@ use crate::shoulder::conditions::{Conditions, distinct};
 use crate::shoulder::velocity::Normalisation;
 use crate::{Directions, Error};
 
-/// What stands in `format`; another number is another layout.
+/// The value of `format`; a different number means a different layout.
 const FORMAT: &str = "tapline-reference-1";
 
 /// A reference: shoulders that are sound, or of which every location is known to be sound or cracked.
 ///
-/// It holds what came of every tap, so that any index can be learned from it, and a summary of it for people and other
-/// programs to read. Its digest vouches for both.
+/// It holds the results of every tap, so that any index can be learned from it, and a summary for people and other
+/// programs to read. Its digest covers both.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReferenceSet {
@@ -38,9 +38,9 @@ pub struct ReferenceSet {
     pub process: String,
     /// Which way each discriminator moves with damage, stated or learned.
     pub directions: Directions,
-    /// AUC of each discriminator alone, risen with its value, where there are labels: what directions were learned from.
+    /// AUC of each discriminator alone for a rising value, if there are labels: directions were learned from it.
     pub auc: BTreeMap<String, f64>,
-    /// Scales, covariance and limits that the default index has by it.
+    /// Scales, covariance and limits of the default index with this reference.
     pub summary: Summary,
     /// The shoulders.
     pub shoulders: Vec<KnownShoulder>,
@@ -48,13 +48,13 @@ pub struct ReferenceSet {
     fits: Fits,
 }
 
-/// What the reference teaches, for the patterns that were last asked for: casings of one line have the same.
+/// Fits of the reference for the most recent patterns: casings of one line have the same pattern.
 #[derive(Debug, Default)]
 struct Fits(Mutex<Vec<Fit>>);
 
 type Fit = (Setup, Pattern, Normalisation, Option<Arc<FittedReference>>);
 
-/// Most patterns that are remembered.
+/// Most patterns that are cached.
 const FITS_MAX: usize = 8;
 
 impl Clone for Fits {
@@ -64,7 +64,7 @@ impl Clone for Fits {
 }
 
 impl PartialEq for Fits {
-    /// They follow from the rest.
+    /// Always equal: fits follow from the rest.
     fn eq(&self, _: &Self) -> bool {
         true
     }
@@ -126,7 +126,7 @@ impl ReferenceSet {
         }
         let now = set.digest_now();
         if now != set.digest {
-            return Err(refuse(format!("it was changed: its digest is {}, that of its content {now}", set.digest)));
+            return Err(refuse(format!("it was changed: its digest is {}, but its content has {now}", set.digest)));
         }
         if let Some(fault) = set.shoulders.iter().find_map(KnownShoulder::fault) {
             return Err(refuse(fault));
@@ -142,7 +142,7 @@ impl ReferenceSet {
         }
     }
 
-    /// What vouches for its content: the SHA-256 of everything else, hexadecimal.
+    /// Proof of its content: the SHA-256 of everything else, hexadecimal.
     pub fn digest(&self) -> &str {
         &self.digest
     }
@@ -198,8 +198,8 @@ impl ReferenceSet {
         (numbers(&mut self.taps()), numbers(&mut planned.iter().copied()))
     }
 
-    /// Refuses a plan whose rings have other locations than its own: an arc of so many would be another length. A plan may leave
-    /// some of them out.
+    /// Refuses a plan whose rings have other locations than its own: arcs of equal count would differ in length. A plan may omit
+    /// some locations.
     pub(crate) fn check_locations(&self, plan: &Plan) -> Result<(), Error> {
         let Some(known) = self.largest_ring() else { return Ok(()) };
         for scan in plan.scans().iter().filter(|_| plan.geometry == Geometry::Ring) {
@@ -210,7 +210,7 @@ impl ReferenceSet {
         Ok(())
     }
 
-    /// Refuses rings of its own that are not parts of one.
+    /// Refuses own rings that are not parts of one ring.
     pub(crate) fn check_rings(&self) -> Result<(), Error> {
         let Some(known) = self.largest_ring() else { return Ok(()) };
         let name = |of: &KnownShoulder| format!("{}/{} has {} locations", of.tyre, of.shoulder, of.locations.len());
@@ -230,7 +230,7 @@ impl ReferenceSet {
         rings.max_by_key(|shoulder| shoulder.locations.len())
     }
 
-    /// What it teaches of scans of `pattern`; `None` where nothing of them varies. Computed once for a pattern.
+    /// The fit for scans of `pattern`; `None` if none of their values vary. Computed once per pattern.
     pub(crate) fn fitted(
         &self,
         setup: &Setup,

@@ -1,4 +1,4 @@
-//! What a reference teaches: the index, how its arcs scatter, and the limits.
+//! What is learned from a reference: the index, the scatter of its arcs, and the limits.
 
 use rayon::prelude::*;
 
@@ -12,7 +12,7 @@ use crate::stats::mean_and_sd;
 use crate::verdict::supported::supported_rate;
 use crate::verdict::whole_shoulder::{Levels, Sound};
 
-/// Fewest values that tell how sound places scatter: by fewer, limits that pass sound shoulders pass strong cracks too
+/// Fewest values that give the scatter of sound places: with fewer, limits that pass sound shoulders pass strong cracks
 /// (`docs/rates.md`).
 const VALUES_MIN: usize = 8;
 
@@ -38,8 +38,8 @@ pub(crate) struct FittedReference {
 }
 
 impl FittedReference {
-    /// What `shoulders` teach, those of a casing one after the other; `offsets` are the numbers of the offsets from the belt
-    /// edge inwards. `None` where nothing of them varies, or too few places tell how they do.
+    /// Fits `shoulders`, with those of a casing one after the other; `offsets` are the numbers of the offsets from the belt
+    /// edge inwards. `None` if none of their values vary, or there are too few places.
     pub(crate) fn fit(setup: Setup, offsets: &[usize], shoulders: &[Shoulder]) -> Option<Self> {
         let all: Vec<&Shoulder> = shoulders.iter().collect();
         let Learned { index, statistic, own_scores, sound_scores: scores } = learn(&setup, offsets, &all)?;
@@ -56,7 +56,7 @@ impl FittedReference {
             1 => ScatterLimits::by(&scores.iter().collect::<Vec<_>>(), place_count),
             _ => ScatterLimits::by(&left_out.iter().map(|of| &of.scores).collect::<Vec<_>>(), place_count),
         };
-        // Of shoulders with labels the one that shows most: another may have no sound place.
+        // For shoulders with labels, the one that shows most: another may have no sound place.
         let shown = |scores: &Scores| scores.by_offset.iter().flatten().filter(|scores| has_value(scores)).count();
         let rings = shoulders.iter().map(|shoulder| &shoulder.ring).zip(&scores);
         let (ring, pattern) = rings.rev().max_by_key(|(_, scores)| shown(scores))?;
@@ -91,7 +91,7 @@ impl FittedReference {
     }
 }
 
-/// From where on a shoulder scatters more than those of a reference.
+/// Limits above which a shoulder scatters more than those of a reference.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct ScatterLimits {
     /// Of [`Scores::scatter`]: of each discriminator one sound shoulder in 160 has more.
@@ -124,12 +124,12 @@ impl ScatterLimits {
         })
     }
 
-    /// Whether a shoulder with these `scores` scatters as no sound one does.
+    /// Whether a shoulder with these `scores` scatters more than any sound one.
     pub(crate) fn are_exceeded(&self, scores: &Scores) -> bool {
         scores.mean_scatter() > self.far
     }
 
-    /// Whether it scatters as few sound ones do.
+    /// Whether it scatters as only few sound ones do.
     pub(crate) fn are_doubtful(&self, scores: &Scores) -> bool {
         scores.mean_scatter() > self.mean
             || scores.scatter.iter().zip(&self.of_discriminators).any(|(x, limit)| x > limit)
@@ -170,7 +170,7 @@ fn learn(setup: &Setup, offsets: &[usize], shoulders: &[&Shoulder]) -> Option<Le
     Some(Learned { index, statistic, own_scores, sound_scores: scores })
 }
 
-/// What the other casings of a reference say of a shoulder.
+/// A shoulder judged by the other casings of a reference.
 struct LeftOut {
     /// Number of its casing.
     casing: usize,

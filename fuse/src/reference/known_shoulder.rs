@@ -1,4 +1,4 @@
-//! A shoulder of a reference: what came of its taps, and what is known of its locations.
+//! A shoulder of a reference: the results of its taps, and what is known of its locations.
 
 use std::collections::BTreeMap;
 
@@ -12,10 +12,10 @@ use crate::shoulder::ring::Ring;
 use crate::shoulder::velocity::Normalisation;
 use crate::shoulder::{self, Shoulder};
 
-/// A location of a scan is that of the reference if their angles differ by less.
+/// A location of a scan matches one of the reference if their angles differ by less.
 const ANGLE_SLACK_DEG: f64 = 0.5;
 
-/// What came of one shoulder.
+/// The results of one shoulder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KnownShoulder {
@@ -36,7 +36,7 @@ pub struct KnownShoulder {
     pub is_cracked: Option<Vec<bool>>,
     /// Its taps, turn by turn.
     pub turns: Vec<Turn>,
-    /// Its second readings of places that did not stand out: they tell how far taps of one place differ, and nothing else.
+    /// Its second readings of places that did not stand out: they are used only to find how far taps of one place differ.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub controls: Vec<Turn>,
 }
@@ -58,7 +58,7 @@ pub struct Turn {
 }
 
 impl KnownShoulder {
-    /// Whether a ring of the locations `located`, with their angles, has as many as its own or is a part of it.
+    /// Whether a ring of the locations `located`, with their angles, has as many as its own or is part of it.
     pub(crate) fn has_ring(&self, located: &[(u32, Option<f64>)]) -> bool {
         let is_known = |&(location, angle_deg): &(u32, Option<f64>)| {
             self.locations.binary_search(&location).is_ok_and(|place| {
@@ -69,7 +69,7 @@ impl KnownShoulder {
         self.locations.len() == located.len() || located.iter().all(is_known)
     }
 
-    /// What came of scan number `scan` of `plan`; its locations labelled by `truth`, where that is given.
+    /// The results of scan number `scan` of `plan`, with its locations labelled by `truth` if that is given.
     ///
     /// Refused taps, and closing ones, are left out. `None` for a scan that is not planned.
     pub fn of(plan: &Plan, records: &[Discriminators], scan: usize, truth: Option<&Truth>) -> Option<Self> {
@@ -136,7 +136,7 @@ impl KnownShoulder {
         };
         for same in turns.chunk_by(|a, b| a.0 == b.0) {
             for (rank, &(condition, turn)) in same.iter().enumerate() {
-                // More repetitions than the scan has are cut to the places of its first.
+                // Repetitions beyond those of the scan are cut to the places of its first.
                 let of_rank = pattern.locations(condition, rank);
                 let Some(locations) = of_rank.or_else(|| pattern.locations(condition, 0)) else { continue };
                 let turns = if of_rank.is_some() { &mut shoulder.turns } else { &mut shoulder.repeats };
@@ -156,7 +156,7 @@ impl KnownShoulder {
         let name = || format!("shoulder {}/{}", self.tyre, self.shoulder);
         let count = self.locations.len();
         if self.serial().is_none() {
-            return Some(format!("{:?} is no serial number", self.tyre));
+            return Some(format!("{:?} is not a serial number", self.tyre));
         }
         if !self.locations.is_sorted_by(|a, b| a < b) {
             return Some(format!("the locations of {} are not ascending", name()));
@@ -171,7 +171,7 @@ impl KnownShoulder {
         }
         let is_known = |column: &String| Discriminator::ALL.iter().any(|d| d.column() == column);
         if let Some(column) = all_turns().flat_map(|t| t.values.keys()).find(|c| !is_known(c)) {
-            return Some(format!("{} has a column {column:?}, which is no discriminator", name()));
+            return Some(format!("{} has a column {column:?}, which is not a discriminator", name()));
         }
         let unnamed = all_turns().find(|turn| self.tap_id(turn).is_none())?;
         Some(format!("{} has a turn at {:?} mm and {:?} m/s", name(), unnamed.offset_mm, unnamed.velocity_m_per_s))

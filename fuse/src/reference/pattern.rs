@@ -1,4 +1,4 @@
-//! Which taps a scan has: a reference is cut to them, so that it teaches what such a scan shows.
+//! Which taps a scan has: a reference is cut to them, so that it represents such a scan.
 
 use std::collections::{BTreeMap, BTreeSet};
 

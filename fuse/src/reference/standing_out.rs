@@ -1,4 +1,4 @@
-//! Casings of a reference that stand out from its other ones: they may be cracked, and limits that rest on them hide cracks.
+//! Casings of a reference that stand out from the others: they may be cracked, and limits based on them hide cracks.
 
 use std::cmp::Ordering;
 

@@ -1,4 +1,4 @@
-//! What a reference looks like by the default index: for people and other programs to read.
+//! A summary of a reference by the default index, for people and other programs to read.
 
 use serde::{Deserialize, Serialize};
 use tapline_wire::Discriminator;
@@ -11,13 +11,13 @@ pub struct Summary {
     pub scales: Vec<ScaleLine>,
     /// Names of the discriminators that enter the index.
     pub discriminators: Vec<String>,
-    /// Locations that are taken to be sound.
+    /// Locations that count as sound.
     pub sound_count: usize,
     /// Locations that are labelled as cracked.
     pub cracked_count: usize,
     /// Casings that the limits rest on.
     pub casing_count: usize,
-    /// Least rate of false calls that so many support without assuming a distribution; `None` of one casing.
+    /// Lowest rate of false calls that they support without an assumed distribution; `None` for one casing.
     pub supported_rate: Option<f64>,
     /// Strongest arc of each shoulder, judged by the other casings.
     pub strongest: Vec<f64>,
@@ -27,7 +27,7 @@ pub struct Summary {
     pub re_inspect_rate: f64,
     /// Probability that a sound shoulder is rejected.
     pub reject_rate: f64,
-    /// Damage index from which a shoulder is to be inspected again.
+    /// Damage index from which a shoulder must be inspected again.
     pub limit_re_inspect: f64,
     /// Damage index from which it is rejected.
     pub limit_reject: f64,

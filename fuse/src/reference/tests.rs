@@ -79,7 +79,7 @@ fn what_is_no_reference_is_refused() {
     assert!(build_reference(&built(file()), vec![]).is_err());
     let constant = KnownShoulder { turns: vec![], ..good.shoulders[0].clone() };
     assert!(
-        build_reference(&built(file()), vec![constant]).unwrap_err().to_string().contains("nothing of them varies")
+        build_reference(&built(file()), vec![constant]).unwrap_err().to_string().contains("their values do not vary")
     );
 }
 

@@ -6,7 +6,7 @@ use tapline_wire::TapId;
 
 /// A velocity this much above the next lower one starts a new class.
 ///
-/// Velocities that were planned lie 10 % and more apart; measured ones that stand for a planned one
+/// Planned velocities lie 10 % or more apart; measured ones that replace a planned one
 /// scatter by less than this.
 const CLASS_GAP: f64 = 1.05;
 

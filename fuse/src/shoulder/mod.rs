@@ -1,4 +1,4 @@
-//! What came of one shoulder, turn by turn: what every index looks at.
+//! The results of one shoulder, turn by turn: the input of every index.
 
 pub(crate) mod conditions;
 pub(crate) mod ring;
@@ -8,7 +8,7 @@ use tapline_wire::{Discriminator, Values};
 
 use crate::shoulder::ring::Ring;
 
-/// What came of one shoulder.
+/// The results of one shoulder.
 #[derive(Debug, Clone)]
 pub(crate) struct Shoulder {
     /// Its locations, and which of them are neighbours.
@@ -60,7 +60,7 @@ impl Turn {
     }
 }
 
-/// A gain multiplies all values of a turn: it shifts their logarithms, and a level takes it away.
+/// A gain multiplies all values of a turn: it shifts their logarithms, and subtracting the level removes it.
 ///
 /// PR is a part of a whole, 0 to 1: ln(x / (1 - x)) keeps a rise near 1 as visible as one near 0.
 fn log_of(which: Discriminator, values: &Values) -> f64 {

@@ -17,8 +17,8 @@ pub(crate) struct Ring {
 impl Ring {
     /// The ring or line of `locations`: indices ascending, each with its angle in degrees where known.
     ///
-    /// Two locations are neighbours when their indices are not further apart than is usual here. The
-    /// ends of a ring are neighbours when the angles, else the closing tap, else nothing, speaks against it.
+    /// Two locations are neighbours if their indices are not further apart than usual in this ring. The
+    /// angles, or else the closing tap, decide whether the ends of a ring are neighbours; without both they are.
     pub(crate) fn of(geometry: Geometry, locations: &[(u32, Option<f64>)], closing_location: Option<u32>) -> Self {
         let steps: Vec<f64> = locations.windows(2).map(|w| f64::from(w[1].0) - f64::from(w[0].0)).collect();
         let usual = median(&mut steps.clone()).unwrap_or(1.0);
@@ -62,7 +62,7 @@ impl Ring {
 
     /// Mean of each value and its two neighbours; a neighbour without a value is left out.
     ///
-    /// A place without a value stays without one: its neighbours' word is not its own.
+    /// A place without a value stays without one: its neighbours cannot supply it.
     ///
     /// # Panics
     /// If there are not as many values as locations.

@@ -1,8 +1,8 @@
-//! How force and duration follow the impact velocity on this rig, and what they would have been at the planned one.
+//! How force and duration depend on the impact velocity on this rig, and their values at the planned one.
 //!
 //! F_max goes as V^p and tau as V^-q. Hertz's contact has p = 1.2 and q = 0.2; hammer tips have been measured at 1.31 and
-//! at 0.93, so the exponents are fitted to the taps themselves. Taps of several velocities meet only here, behind the
-//! stage that sees one tap at a time; and the archive keeps what was measured.
+//! at 0.93, so the exponents are fitted to the taps themselves. Taps of several velocities meet only here, after the
+//! stage that sees one tap at a time; the archive keeps the measured values.
 
 use tapline_wire::{Discriminator, Values};
 
@@ -24,7 +24,7 @@ impl PowerLaw {
     /// The least-squares line through ln value over ln velocity, of one slope for all groups; `points` are (group,
     /// velocity, value), groups numbered from 0. What has no logarithm is left out.
     ///
-    /// `None` of fewer than three points beside one a group, or when the velocity does not vary within any.
+    /// `None` with fewer than two more points than groups, or if the velocity does not vary within any.
     pub fn fit(points: impl IntoIterator<Item = (usize, f64, f64)>) -> Option<Self> {
         let mut groups: Vec<Vec<(f64, f64)>> = Vec::new();
         for (group, velocity, value) in points {

@@ -1,11 +1,11 @@
-//! From what a shoulder shows to reasons and a verdict.
+//! From the findings on a shoulder to reasons and a verdict.
 
 pub(crate) mod supported;
 pub(crate) mod whole_shoulder;
 
 use tapline_wire::{Reasons, Verdict};
 
-/// The verdict that `reasons` demand: PASS only when there is none but remarks.
+/// The verdict that `reasons` demand: PASS only if there are none but remarks.
 pub(crate) fn verdict_of(reasons: Reasons) -> Verdict {
     if reasons.contains(Reasons::DAMAGE) {
         Verdict::Reject

@@ -1,4 +1,4 @@
-//! Which rates of false calls a reference supports.
+//! The rates of false calls that a reference supports.
 
 use crate::verdict::whole_shoulder::CASINGS_MIN;
 use crate::{FuseConfig, KnownShoulder, Reference, ReferenceSet};
@@ -11,7 +11,7 @@ pub(crate) fn supported_rate(casing_count: usize) -> Option<f64> {
     (casing_count > 1).then(|| 1.0 / (casing_count as f64 + 1.0))
 }
 
-/// What verdicts by `config` cannot rest on its reference for, `set` where that is a file; for people to read.
+/// What the reference cannot support in verdicts by `config`, in words; `set` is the reference if it is a file.
 pub fn unsupported(config: &FuseConfig, set: Option<&ReferenceSet>) -> Vec<String> {
     let casing_count = match (set, &config.reference) {
         (Some(set), _) => set.casings().len(),
@@ -21,22 +21,22 @@ pub fn unsupported(config: &FuseConfig, set: Option<&ReferenceSet>) -> Vec<Strin
     let stated = [("re_inspect_rate", config.re_inspect_rate), ("reject_rate", config.reject_rate)];
     let rates = stated.into_iter().filter_map(|(name, rate)| remark(casing_count, name, rate));
     let level = (1..CASINGS_MIN).contains(&casing_count).then(|| {
-        format!("level: it takes {CASINGS_MIN} casings to tell how those of sound shoulders differ; until then damage all round does not show")
+        format!("level: {CASINGS_MIN} casings are needed to tell how sound shoulders differ in level; without them damage all round does not show")
     });
     let standing_out = set.filter(|set| !set.summary.standing_out.is_empty()).map(|set| {
         let names = set.summary.standing_out.join(", ");
-        format!("reference: {names} may be cracked: what stands out from the other casings makes the limits too wide for cracks")
+        format!("reference: {names} may be cracked: casings that stand out from the others make the limits too wide for cracks")
     });
     rates.chain(level).chain(standing_out).chain(set.and_then(tapped_once)).collect()
 }
 
-/// What the reference `set` cannot tell if none of its places was tapped twice; for people to read.
+/// A remark for people on what the reference `set` cannot show if none of its places was tapped twice.
 pub fn tapped_once(set: &ReferenceSet) -> Option<String> {
     let has_repeats = |shoulder: &KnownShoulder| {
         !shoulder.controls.is_empty() || shoulder.turns.iter().any(|turn| turn.repetition > 0)
     };
     (!set.shoulders.iter().any(has_repeats)).then(|| {
-        "reference: no place was tapped twice, which would tell how far taps of one place differ: more sound shoulders than stated \
+        "reference: no place was tapped twice, so it is unknown how far taps of one place differ: more sound shoulders than stated \
          may fail to pass; scan more sound casings, or with scan.repetitions = 2"
             .to_owned()
     })

@@ -9,13 +9,13 @@ use crate::index::Setup;
 use crate::shoulder::{Shoulder, Turn, value_of};
 use crate::stats::median;
 
-/// What no gain of the microphone changes.
+/// Independent of the microphone's gain.
 const FREE_OF_GAIN: [Discriminator; 3] = [Discriminator::FMax, Discriminator::Tau, Discriminator::Pr];
 
 /// Fewest casings that a covariance of levels is taken from.
 pub(crate) const CASINGS_MIN: usize = 5;
 
-/// Fewest places that tell a level: one in so many.
+/// At least one place in this many must give the level.
 const PLACES_PART: usize = 5;
 
 /// A shoulder with the places that tell its level.
@@ -49,7 +49,7 @@ pub(crate) struct Levels {
     spread: Option<Spread>,
 }
 
-/// How the levels of sound shoulders differ.
+/// The spread of the levels of sound shoulders.
 #[derive(Debug, Clone)]
 struct Spread {
     /// Those of [`FREE_OF_GAIN`] that the reference has.

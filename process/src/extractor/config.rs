@@ -29,7 +29,7 @@ pub struct ProcessConfig {
     pub f_lo_hz: f64,
     /// Upper edge of PR's reference band, Hz.
     pub f_top_hz: f64,
-    /// Whether f_c follows each tap as 1/(2 tau); a tap without tau keeps `f_c_hz`, and has the flag that says why.
+    /// Whether f_c follows each tap as 1/(2 tau); a tap without tau keeps `f_c_hz` and has a flag that says why.
     pub f_c_follows_tau: bool,
     /// How F_max is found.
     pub f_max: PeakEstimator,

@@ -1,4 +1,4 @@
-//! Where in the record of a sound its areas lie.
+//! The position of the areas in the record of a sound.
 
 use tapline_wire::Quality;
 

@@ -21,8 +21,8 @@ pub(crate) struct Leaving {
     reach: f64,
     /// Factor by which the fall there must exceed a parabola's.
     margin: f64,
-    /// By how much a fall half way must exceed that of a fourth power, as a part of how much a straight line does: what was
-    /// cut has a corner.
+    /// By how much a fall half way must exceed that of a fourth power, as a part of how much a straight line does: a signal
+    /// that was cut has a corner.
     corner: f64,
 }
 

@@ -21,9 +21,9 @@ const SECOND_SIGMAS: f64 = 6.0;
 const RISE_SIGMAS: f64 = 8.0;
 /// Longest stretch after the pulse in which hum is looked for.
 const HUM_S: f64 = 0.25;
-/// Fewest periods of hum by which it is known: a record of 50 ms, of which 12.5 are before the trigger, has 1.7 behind the pulse.
+/// Fewest periods that identify hum: a record of 50 ms, of which 12.5 are before the trigger, has 1.7 after the pulse.
 const HUM_PERIODS: f64 = 1.6;
-/// Largest part of the squares that hum may leave.
+/// Largest share of the squares left by hum.
 const HUM_LEFT: f64 = 0.3;
 /// Fraction of the peak from which on samples belong to the pulse.
 const FOOT: f64 = 0.1;
@@ -274,7 +274,7 @@ fn hum<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape, config: &QualityConf
     lines.max_by(f64::total_cmp)
 }
 
-/// Whether there is a second pulse beside the greatest that is not the layer returning; `hum` in counts is none.
+/// Whether there is a second pulse besides the greatest that is not the layer returning; `hum`, in counts, is none.
 fn is_double<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape, hum: f64, config: &QualityConfig) -> bool {
     let samples = force.track.samples;
     let limit = |noise: f64| {

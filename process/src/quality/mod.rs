@@ -1,8 +1,8 @@
-//! Quality flags: what is wrong with a tap, and what becomes of the features that it affects.
+//! Quality flags: what is wrong with a tap, and what happens to the affected features.
 //!
-//! A rule is a pure function of one record, its header and the configuration, so that flags do not depend on the taps before.
+//! A rule is a pure function of one record, its header and the configuration, so flags do not depend on earlier taps.
 //! Where a record breaks a rule, its flag is raised; the [`Policy`] of the flag decides whether the affected features are
-//! dropped, or kept beside the flag, and whether the tap is taken again.
+//! dropped, or kept with the flag, and whether the tap is taken again.
 
 mod flat;
 mod force;
@@ -25,18 +25,18 @@ use crate::Error;
 use crate::signal::extent::Extent;
 use crate::signal::record::Count;
 
-/// What becomes of the features that a flag affects.
+/// What happens to the features that a flag affects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Policy {
-    /// They are kept beside the flag.
+    /// They are kept, with the flag.
     Keep,
     /// They are dropped.
     Drop,
     /// They are dropped, and the tap is taken again if its source can.
     Retake,
-    /// The tap is taken again if its source can. If the flag is raised again, the features are kept: what shows every time
-    /// belongs to the casing.
+    /// The tap is taken again if its source can. If the flag is raised again, the features are kept: a repeated effect
+    /// is due to the casing.
     RetakeOrKeep,
 }
 

@@ -1,4 +1,4 @@
-//! Dropouts: stretches of one value in a channel whose noise never stands still for so long.
+//! Dropouts: stretches of one value in a channel whose noise never stays constant for so long.
 
 use super::flat::SHARE;
 use crate::signal::extent::Extent;
@@ -7,7 +7,7 @@ use crate::signal::wide::Kernel;
 
 /// Fewest equal samples in a row that count as a dropout, 0.3 ms at 40 kHz.
 const RUN_MIN: usize = 12;
-/// Of noise in which a sample equals the one before with probability p, a run of r equal samples begins at a given sample with
+/// In noise where a sample equals the previous one with probability p, a run of r equal samples begins at a given sample with
 /// probability p^(r - 1). A dropout is a run of probability exp(-40): of rumble, whose samples follow each other, a longer
 /// record than any has none.
 const LN_IMPROBABLE: f64 = -40.0;

@@ -1,4 +1,4 @@
-//! The mains' hum in a channel, estimated before the trigger.
+//! Mains hum in a channel, estimated before the trigger.
 
 use std::f64::consts::TAU;
 

@@ -1,4 +1,4 @@
-//! The samples of a record, and what every discriminator needs first: levels, extents, sums.
+//! The samples of a record, and the basis of every discriminator: levels, extents, sums.
 
 pub(crate) mod aligned;
 pub(crate) mod area;

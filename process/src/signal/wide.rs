@@ -15,10 +15,10 @@ thread_local! {
     static IS_NARROW: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Lets this thread compute as on a processor without AVX-512 from now on, or no longer: what those get, and what they
-/// take for it, can be seen on any.
+/// Makes this thread compute as on a processor without AVX-512 from now on, or no longer: their results and
+/// run times can then be seen on any processor.
 ///
-/// Transforms that are planned already stay what they are.
+/// Transforms that are already planned do not change.
 pub fn without_avx512(is_narrow: bool) {
     IS_NARROW.set(is_narrow);
 }

@@ -78,7 +78,7 @@ impl Supervisor<'_> {
             let reader = Reader::open(&path)?;
             Ok((CasingVerdict::read(&note.name, note.number, note.at_ns, &reader)?, reader))
         };
-        match read() {
+        let is_printed = match read() {
             Ok((verdict, reader)) => {
                 if verdict.refused + verdict.missing > 0 {
                     let CasingVerdict { casing, refused, missing, .. } = &verdict;
@@ -89,27 +89,38 @@ impl Supervisor<'_> {
                     let is_busy = self.open.iter().any(of);
                     self.audience.wires.iter().for_each(|wires| wires.judged(&verdict, is_busy));
                 }
-                self.print(&verdict);
+                let is_printed = self.print(&verdict);
                 self.note_judged(&verdict, &reader);
                 self.shown.verdicts.truncate(SHOWN_MAX - 1);
                 self.shown.verdicts.insert(0, verdict);
+                is_printed
             }
             Err(error) => {
                 self.leave_out(format!("{}: cannot read the verdict", path.display()));
                 tracing::error!("{}: cannot read the verdict: {error:#}", path.display());
                 self.alarm(format!("{}: cannot read the verdict", path.display()));
+                true
             }
+        };
+        // Else the note stays: the next start of the line prints it.
+        if is_printed {
+            self.audience.wires.iter().for_each(|wires| wires.printed(note.number));
         }
-        self.audience.wires.iter().for_each(|wires| wires.printed(note.number));
         self.shown.closed_count += 1;
     }
 
-    fn print(&mut self, verdict: &CasingVerdict) {
+    /// Prints a verdict; whether that was possible.
+    fn print(&mut self, verdict: &CasingVerdict) -> bool {
         let form = self.audience.form;
-        let Err(error) = self.audience.progress.beside(|| verdict.print(form)) else { return };
+        let Err(error) = self.audience.progress.beside(|| verdict.print(form)) else { return true };
         let (name, file): (_, &Path) = (&verdict.casing, &verdict.file);
         tracing::error!(casing = name, "cannot print the verdict, which is in {}: {error:#}", file.display());
-        self.alarm(format!("{name}: the verdict could not be printed; it is in its file"));
+        let text = format!("casing {name}: the verdict could not be printed");
+        if !self.is_list {
+            self.leave_out(text.clone());
+        }
+        self.alarm(format!("{text}; it is in its file"));
+        false
     }
 
     /// Counts a casing whose verdict was unreported, and keeps its state for viewers.

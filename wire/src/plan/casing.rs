@@ -1,4 +1,4 @@
-//! What `store` says of an open casing, and what a station proposes: headers, and the bytes behind them.
+//! Records about casings, from `store` and from stations that propose them: headers and the bytes after them.
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -14,19 +14,19 @@ pub const NAME_BYTES_MAX: usize = 192;
 /// Longest path of a finished file, in bytes.
 const PATH_BYTES_MAX: usize = 4096;
 
-/// Number by which records name the casing whose file is called `file_name`, without its ending; never 0.
+/// Number that records use for the casing whose file is called `file_name`, without its extension; never 0.
 ///
-/// It follows from the name, which is the file's alone in its folder, so that a `store` that restarts gives the same number.
+/// It follows from the name, which is unique in its folder, so a restarted `store` gives the same number.
 pub fn casing_number(file_name: &str) -> u64 {
     digest_of_parts([file_name.as_bytes()]).max(1)
 }
 
-/// Header of what `store` says of one casing; `stamp.casing` names it.
+/// Header of a record from `store` about one casing, which `stamp.casing` names.
 ///
-/// Behind it follow, by [`crate::RecordKind`]: for `Plan` the plan ([`Plan::encode`]) to `fuse`, and to others the casing's
-/// name with taps of its plan ([`encode_opened`]), to a station those that were added, to the supervisor all; for `Ledger` a byte
-/// for the state and attempt of every tap and one for the state of every scan, of which `fuse` gets only the scans; for `Closed`
-/// the path of the file; for `Refusal` why a proposal is refused.
+/// What follows depends on the [`crate::RecordKind`]. `Plan`: to `fuse` the plan ([`Plan::encode`]), to others the casing's
+/// name with taps of its plan ([`encode_opened`]): to a station the added ones, to the supervisor all. `Ledger`: one byte
+/// for the state and attempt of every tap and one for the state of every scan; `fuse` gets only the scans. `Closed`:
+/// the path of the file. `Refusal`: why a proposal is refused.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
 #[type_name("tapline.CasingHeader.v1")]
@@ -59,8 +59,8 @@ pub struct CasingHeader {
     pub settled_before_count: u32,
 }
 
-/// What a station proposes: a casing of this name, with this plan, to which its source can add `room` taps. Bytes behind a `Plan`
-/// record of the proposals.
+/// A station's proposal: a casing of this name, with this plan, to which its source can add `room` taps. The bytes of a `Plan`
+/// record of the proposals topic.
 pub fn encode_proposal(name: &str, plan: &Plan, room: u32) -> Vec<u8> {
     let mut bytes = named(name);
     bytes.extend(room.to_le_bytes());
@@ -74,11 +74,11 @@ pub fn encode_proposal(name: &str, plan: &Plan, room: u32) -> Vec<u8> {
 /// [`PlanError::Encoding`] for bytes that it did not write.
 pub fn decode_proposal(bytes: &[u8]) -> Result<(String, Plan, u32), PlanError> {
     let (name, rest) = split_name(bytes)?;
-    let (room, plan) = rest.split_first_chunk::<4>().ok_or(PlanError::Encoding { what: "it ends within its room" })?;
+    let (room, plan) = rest.split_first_chunk::<4>().ok_or(PlanError::Encoding { what: "its room is cut short" })?;
     Ok((name, Plan::decode(plan)?, u32::from_le_bytes(*room)))
 }
 
-/// What `store` says of an open casing: its name, and to a station the taps that were added to its plan, to the supervisor all.
+/// What `store` sends about an open casing: its name, and to a station the taps added to its plan, to the supervisor all taps.
 pub fn encode_opened(name: &str, taps: &[PlannedTap]) -> Vec<u8> {
     let mut bytes = named(name);
     bytes.extend(encode_taps(taps));
@@ -113,7 +113,7 @@ pub(crate) fn proposal_bytes_max(limits: &Limits) -> usize {
     4 + NAME_BYTES_MAX + 4 + Plan::encoded_bytes_max(&limits.casing)
 }
 
-/// Bytes of the longest record about a casing that carries so many `taps`, and no plan.
+/// Bytes of the longest record about a casing that carries this many `taps` and no plan.
 pub(crate) fn opened_bytes_max(limits: &Limits, taps: usize) -> usize {
     let opened = 4 + NAME_BYTES_MAX + taps * TAP_BYTES;
     opened.max(limits.casing.taps + limits.casing.scans).max(PATH_BYTES_MAX).max(REASON_BYTES_MAX)

@@ -1,22 +1,22 @@
-//! A plan as bytes, to cross shared memory: it is proposed by a station and told to `fuse`.
+//! A plan as bytes for shared memory: stations propose plans, and `store` sends them to `fuse`.
 
 use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 
 use crate::{CasingLimits, Geometry, Plan, PlanError, PlannedTap, Purpose, Recording, Serial, TapId, Truth};
 
-/// What is not a row: few values, written as JSON.
+/// All that is not a row: a few values, as JSON.
 #[derive(Serialize, Deserialize)]
 struct Head {
     geometry: Geometry,
     recording: Recording,
     source_digest: u64,
     truth_count: usize,
-    /// Taps of the plan as it was begun; others follow, which were added.
+    /// Taps of the original plan; the others were added later.
     begun_count: usize,
 }
 
-/// Bytes that a head needs at most.
+/// Most bytes that a head needs.
 const HEAD_BYTES_MAX: usize = 4096;
 
 #[repr(C)]
@@ -58,12 +58,12 @@ pub fn encode_taps(taps: &[PlannedTap]) -> Vec<u8> {
 pub fn decode_taps(bytes: &[u8]) -> Result<Vec<PlannedTap>, PlanError> {
     let rows = bytes.chunks_exact(TAP_BYTES);
     if !rows.remainder().is_empty() {
-        return Err(PlanError::Encoding { what: "it is cut" });
+        return Err(PlanError::Encoding { what: "it is cut short" });
     }
     let tap = |row: &[u8]| {
         let row: TapRow = bytemuck::pod_read_unaligned(row);
         let purpose = u16::try_from(row.purpose).ok().and_then(Purpose::from_code);
-        let purpose = purpose.ok_or(PlanError::Encoding { what: "a tap is for nothing that is known" })?;
+        let purpose = purpose.ok_or(PlanError::Encoding { what: "a tap has an unknown purpose" })?;
         Ok(PlannedTap { id: row.id, angle_deg: Some(row.angle_deg).filter(|angle| !angle.is_nan()), purpose })
     };
     rows.map(tap).collect()
@@ -96,11 +96,11 @@ impl Plan {
     /// # Errors
     /// [`PlanError::Encoding`] for bytes that it did not write, and as [`Plan::new`].
     pub fn decode(bytes: &[u8]) -> Result<Self, PlanError> {
-        let cut = || PlanError::Encoding { what: "it is cut" };
+        let cut = || PlanError::Encoding { what: "it is cut short" };
         let (length, rest) = bytes.split_first_chunk::<4>().ok_or_else(cut)?;
         let (head, rest) = rest.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or_else(cut)?;
         let head: Head =
-            serde_json::from_slice(head).map_err(|_error| PlanError::Encoding { what: "its head is none" })?;
+            serde_json::from_slice(head).map_err(|_error| PlanError::Encoding { what: "its head is not valid" })?;
         let truth_bytes = head.truth_count.checked_mul(size_of::<TruthRow>()).ok_or_else(cut)?;
         let (truth_rows, tap_rows) = rest.split_at_checked(truth_bytes).ok_or_else(cut)?;
         let mut truth = Truth::new();
@@ -116,7 +116,7 @@ impl Plan {
 
     /// Bytes of the longest plan within `limits`.
     pub(crate) fn encoded_bytes_max(limits: &CasingLimits) -> usize {
-        // Of no more locations than have taps, or than a scan may have, the truth is known.
+        // The truth is known for no more locations than have taps, or than a scan may have.
         4 + HEAD_BYTES_MAX + limits.taps * TAP_BYTES + limits.scans * limits.locations * size_of::<TruthRow>()
     }
 }

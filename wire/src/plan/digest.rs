@@ -1,4 +1,4 @@
-//! Numbers that tell plans, and parts of them, from others.
+//! Digests that identify plans and parts of plans.
 
 use sha2::{Digest, Sha256};
 
@@ -14,7 +14,7 @@ pub fn digest_of_parts<'a>(parts: impl IntoIterator<Item = &'a [u8]>) -> u64 {
     first_bits(hasher)
 }
 
-/// What tells one plan from another: fixed fields, each in as many bytes as it always has, and never the names of types.
+/// The digest of a plan: fields in a fixed order, each with a fixed number of bytes, and never the names of types.
 pub(crate) fn digest_of(geometry: Geometry, recording: &Recording, taps: &[PlannedTap], source_digest: u64) -> u64 {
     let mut hasher = Sha256::new();
     let geometry: u8 = match geometry {

@@ -1,11 +1,11 @@
-//! What has become of every planned tap: plan - ledger is the work left to do.
+//! The state of every planned tap: plan - ledger is the work left to do.
 
 use crate::CasingHeader;
 
 /// State of one planned tap.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum TapState {
-    /// Not there yet: work to do.
+    /// Not taken yet: work to do.
     Missing,
     /// Samples and discriminators are in the archive.
     Archived,
@@ -26,9 +26,9 @@ impl TapState {
 /// State of one scan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum ScanState {
-    /// Taps are still to come.
+    /// More taps are to come.
     Open,
-    /// Its end has come, in band.
+    /// Its end mark has arrived, in band.
     Ended,
     /// Its verdict is in the archive.
     Judged,
@@ -36,8 +36,8 @@ pub enum ScanState {
 
 coded!(ScanState: u8, Open = 0, Ended = 1, Judged = 2);
 
-/// The mark of the end of scan number `scan`, of a casing with `tap_count` planned taps: an end that is older than the last taps of
-/// a plan ends nothing.
+/// The end mark of scan number `scan` of a casing with `tap_count` planned taps: an end mark that is older than the last taps of
+/// a plan has no effect.
 pub fn end_mark(scan: u32, tap_count: usize) -> u64 {
     (tap_count as u64) << 32 | u64::from(scan)
 }
@@ -47,7 +47,7 @@ pub fn split_end_mark(mark: u64) -> (u32, usize) {
     ((mark & u64::from(u32::MAX)) as u32, (mark >> 32) as usize)
 }
 
-/// Most often that a tap may be taken again: what a snapshot has room for.
+/// Most times that a tap may be taken again: a snapshot has room for no more.
 pub const RETAKES_MAX: u16 = 63;
 
 /// Bits of a tap's byte in a snapshot that hold its state; the others hold its attempt.
@@ -56,9 +56,9 @@ const STATE_BITS: u32 = 2;
 /// Those bits.
 const STATE_MASK: u8 = (1 << STATE_BITS) - 1;
 
-/// A copy of the ledger as the archive had it at one moment.
+/// The state of the archive at one moment.
 ///
-/// It is whole, not a difference: a snapshot that is missed costs nothing.
+/// It is complete, not a difference: a missed snapshot does no harm.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ledger {
     taps: Vec<TapState>,
@@ -69,7 +69,7 @@ pub struct Ledger {
     pub barrier: u8,
     /// Records lost in transit so far.
     pub lost_count: u64,
-    /// Whether the archive cannot be written at the moment: nothing will be settled before that is over.
+    /// Whether the archive cannot be written at the moment: nothing is settled until it can.
     pub is_stalled: bool,
 }
 

@@ -32,7 +32,7 @@ impl CasingLimits {
         }
     }
 
-    /// What is enough for both.
+    /// Limits that are enough for both.
     #[must_use]
     pub fn and(self, other: Self) -> Self {
         Self {
@@ -44,7 +44,7 @@ impl CasingLimits {
         }
     }
 
-    /// What of `plan`, to which `room` taps may be added, is beyond these limits, with both numbers and the key that sets the limit of
+    /// In what `plan`, to which `room` taps may be added, exceeds these limits, with both numbers and the key that sets the limit for
     /// a tap set; `None` where it fits.
     pub fn exceeded_by(&self, plan: &Plan, room: usize) -> Option<String> {
         let need = Self::from_plan(plan);
@@ -52,8 +52,8 @@ impl CasingLimits {
             ("taps", need.taps + room, self.taps, "taps_max"),
             ("taps that may be added", room, self.room, "taps_max"),
             ("scans", need.scans, self.scans, "scans_max"),
-            ("locations a scan", need.locations, self.locations, "taps_max"),
-            ("bytes a record", need.record_bytes, self.record_bytes, "record_samples_max, 4 bytes each"),
+            ("locations per scan", need.locations, self.locations, "taps_max"),
+            ("bytes per record", need.record_bytes, self.record_bytes, "record_samples_max, 4 bytes each"),
         ]
         .into_iter()
         .find(|&(_, need, most, _)| need > most)
@@ -61,7 +61,7 @@ impl CasingLimits {
     }
 }
 
-/// Locations of `scan`: those that are tapped, or those whose truth is known, whichever are more.
+/// Number of locations of `scan`: those tapped or those whose truth is known, whichever is greater.
 fn locations_of(plan: &Plan, scan: &Scan) -> usize {
     let of_scan = (scan.tyre, scan.shoulder, 0)..=(scan.tyre, scan.shoulder, u32::MAX);
     scan.locations.len().max(plan.truth().range(of_scan).count())
@@ -71,7 +71,7 @@ fn locations_of(plan: &Plan, scan: &Scan) -> usize {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Limits {
-    /// Processes that acquire, each for several stations.
+    /// `acquire` processes, each for several stations.
     pub acquire_count: u16,
     /// The stations, ascending.
     pub stations: Vec<u16>,
@@ -90,7 +90,7 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// Number of the `acquire` process that serves `station`: they take turns; `None` for a station that the line does not have.
+    /// Number of the `acquire` process that serves `station`, as they take turns; `None` for a station not on the line.
     pub fn acquire_of(&self, station: u16) -> Option<u16> {
         let place = self.stations.iter().position(|&known| known == station)?;
         u16::try_from(place % usize::from(self.acquire_count.max(1))).ok()
@@ -128,6 +128,6 @@ mod tests {
         assert_eq!(need.exceeded_by(&plan, 0), None);
         assert!(need.exceeded_by(&plan, 1).unwrap().contains("3 taps; this line has room for 2 ([line] taps_max)"));
         let narrow = CasingLimits { locations: 2, ..need };
-        assert!(narrow.exceeded_by(&plan, 0).unwrap().contains("9 locations a scan"));
+        assert!(narrow.exceeded_by(&plan, 0).unwrap().contains("9 locations per scan"));
     }
 }

@@ -25,17 +25,17 @@ pub struct Plan {
     taps: Vec<PlannedTap>,
     scans: Vec<Scan>,
     truth: Truth,
-    /// For every tap the velocity that was meant, NaN where none is named.
+    /// The intended velocity of every tap, NaN if none is given.
     nominal_m_per_s: Nominal,
     source_digest: u64,
     digest: u64,
     /// Taps before any were added.
     begun_count: usize,
-    /// What `digest` was then.
+    /// The `digest` of those taps.
     begun_digest: u64,
 }
 
-/// Velocities by plan row; they follow from the taps, so that plans of equal taps are equal whatever is not a number here.
+/// Velocities by plan row. They follow from the taps, so plans with equal taps are equal even where one is NaN.
 #[derive(Debug, Clone)]
 struct Nominal(Vec<f64>);
 
@@ -45,11 +45,11 @@ impl PartialEq for Nominal {
     }
 }
 
-/// Why a list of taps is no plan.
+/// Why a list of taps is not a plan.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PlanError {
-    /// There is nothing to do.
+    /// There are no taps.
     #[error("the scan plan has no taps")]
     Empty,
     /// Two rows name the same tap.
@@ -74,14 +74,14 @@ pub enum PlanError {
         /// The other.
         second: u16,
     },
-    /// Bytes that are no plan.
-    #[error("these bytes are no plan: {what}")]
+    /// Bytes that are not a plan.
+    #[error("these bytes are not a plan: {what}")]
     Encoding {
         /// What is wrong with them.
         what: &'static str,
     },
-    /// Taps that are added to an open casing are at another station or of a scan that it does not have.
-    #[error("{id} cannot be added to the plan: it is of no scan of it")]
+    /// A tap added to an open casing is at another station, or belongs to a scan that the casing does not have.
+    #[error("{id} cannot be added to the plan: the plan has no such scan")]
     OtherScan {
         /// The tap.
         id: TapId,
@@ -102,7 +102,7 @@ impl Plan {
         Self::from_source(geometry, recording, taps, truth, 0)
     }
 
-    /// The plan of `taps` for a source that `source_digest` tells from others with the same taps: other recordings, other
+    /// The plan of `taps` for the source that `source_digest` tells from others with equal taps but other recordings or
     /// scales. It becomes a part of [`Plan::digest`].
     ///
     /// # Errors
@@ -141,10 +141,10 @@ impl Plan {
         })
     }
 
-    /// This plan with `taps` behind its own: what an open casing is asked for besides. Rows and scans keep their numbers.
+    /// This plan with `taps` appended: additional taps for an open casing. Rows and scans keep their numbers.
     ///
     /// # Errors
-    /// [`PlanError::OtherScan`] for a tap of no scan of the plan, and as [`Plan::new`].
+    /// [`PlanError::OtherScan`] for a tap whose scan the plan lacks, and as [`Plan::new`].
     pub fn grown(&self, taps: &[PlannedTap]) -> Result<Self, PlanError> {
         let is_ours = |tap: &PlannedTap| {
             let id = &tap.id;
@@ -172,7 +172,7 @@ impl Plan {
         &self.taps[self.begun_count..]
     }
 
-    /// The [digest](Plan::digest) before any taps were added: it tells the casing's scan from others for as long as it lasts.
+    /// The [digest](Plan::digest) before any taps were added: it identifies the casing's scan as long as that lasts.
     pub fn begun_digest(&self) -> u64 {
         self.begun_digest
     }
@@ -185,7 +185,7 @@ impl Plan {
         self
     }
 
-    /// What tells the plan's source from others with the same taps; 0 where nothing does.
+    /// Digest that distinguishes the plan's source from others with the same taps; 0 if there is none.
     pub fn source_digest(&self) -> u64 {
         self.source_digest
     }
@@ -195,10 +195,10 @@ impl Plan {
         &self.taps
     }
 
-    /// Velocity that was meant for the tap in plan row `row`, in m/s; `None` when the plan names none.
+    /// Intended velocity of the tap in plan row `row`, in m/s; `None` if the plan gives none.
     ///
-    /// It is the planned one, unless half a turn and more of the same ring were struck at another: then the list of taps
-    /// says how fast this one was, and not how fast it should have been.
+    /// It is the planned one, unless half a turn or more of the same ring was struck at another: then the list of taps
+    /// states how fast this tap was, not how fast it should have been.
     pub fn velocity_nominal_m_per_s(&self, row: u32) -> Option<f64> {
         self.nominal_m_per_s.0.get(row as usize).copied().filter(|v| v.is_finite())
     }
@@ -208,12 +208,12 @@ impl Plan {
         &self.scans
     }
 
-    /// What is known of where cracks are, for scoring; empty where nothing is known.
+    /// The known crack locations, for scoring; empty if nothing is known.
     pub fn truth(&self) -> &Truth {
         &self.truth
     }
 
-    /// A number that differs for different plans: stages and archives that disagree on it refuse each other.
+    /// A number that differs between plans: stages and archives with different digests refuse each other.
     pub fn digest(&self) -> u64 {
         self.digest
     }

@@ -1,25 +1,25 @@
-//! The velocities that a plan means, told from those that some of its taps were made with.
+//! The velocities that a plan intends, found from those that its taps list.
 //!
-//! A tap set lists the velocity of each tap. Where it lists what was asked for, the plan means exactly that; where it
-//! lists what was measured, or a few taps strike out, it means the velocity around which a turn of the ring lies.
+//! A tap set lists a velocity for each tap. If it lists requested velocities, those are the intended ones; if it
+//! lists measured ones, or a few taps are off, the intended one is that around which a turn of the ring scatters.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{PlannedTap, Serial};
 
-/// Part of a ring's locations that a velocity must have been struck at to be meant: it has a turn of its own.
+/// Fraction of a ring's locations that must have a velocity for it to be intended: it then has its own turn.
 const TURN: f64 = 0.5;
 
-/// Measured velocities this much above the next lower one belong to another turn.
+/// A measured velocity above the next lower one by this factor belongs to another turn.
 const GAP: f64 = 1.03;
 
-/// Measured velocities farther apart than this, as a factor, lie around nothing.
+/// Measured velocities that spread by more than this factor have no common intended value.
 const SPREAD: f64 = 1.25;
 
 /// The taps of one shoulder at one offset, by row.
 type Ring = (Serial, u16, Option<u64>);
 
-/// For every one of `taps` the velocity that was meant, in m/s; NaN where it names none.
+/// The intended velocity of every one of `taps`, in m/s; NaN if it gives none.
 pub(crate) fn nominal_velocities(taps: &[PlannedTap]) -> Vec<f64> {
     let mut nominal = vec![f64::NAN; taps.len()];
     let mut rings: BTreeMap<Ring, Vec<(f64, u32, usize)>> = BTreeMap::new();
@@ -40,7 +40,7 @@ pub(crate) fn nominal_velocities(taps: &[PlannedTap]) -> Vec<f64> {
     nominal
 }
 
-/// The velocities that `struck`, ascending, were meant to have.
+/// The intended velocities of the taps `struck`, ascending.
 fn meant(struck: &[(f64, u32, usize)]) -> Vec<f64> {
     let locations = |taps: &[(f64, u32, usize)]| taps.iter().map(|tap| tap.1).collect::<BTreeSet<_>>().len();
     #[expect(clippy::cast_precision_loss, reason = "counts of locations")]
@@ -55,7 +55,7 @@ fn meant(struck: &[(f64, u32, usize)]) -> Vec<f64> {
     turns.filter(lies_together).map(|turn| turn[turn.len() / 2].0).collect()
 }
 
-/// The nearest to `velocity` of those that are `meant`; itself where none is known.
+/// The intended velocity nearest to `velocity`, of those in `meant`; itself if there are none.
 fn nearest(meant: &[f64], velocity: f64) -> f64 {
     let distance = |nominal: &f64| (velocity / nominal).ln().abs();
     meant.iter().copied().min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(velocity)

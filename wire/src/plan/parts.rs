@@ -25,7 +25,7 @@ impl PlannedTap {
         self.purpose == Purpose::Closing
     }
 
-    /// Whether it was asked for because of what other taps showed: a second reading.
+    /// Whether it was requested because of other taps: a second reading.
     pub fn is_second_reading(&self) -> bool {
         matches!(self.purpose, Purpose::Suspect | Purpose::Control)
     }
@@ -39,9 +39,9 @@ pub enum Purpose {
     Scan,
     /// It repeats the first location at the end of a turn.
     Closing,
-    /// Second reading of a place that stands out.
+    /// Second reading of a place that stood out.
     Suspect,
-    /// Second reading of a place that does not: it tells the level that suspects are compared with.
+    /// Second reading of a place that did not: it gives the level that suspects are compared with.
     Control,
 }
 
@@ -62,13 +62,13 @@ pub struct Recording {
     pub sample_rate_hz: f64,
     /// Samples before the trigger.
     pub pre_trigger_samples: u32,
-    /// Most samples a channel can have.
+    /// Most samples per channel.
     pub sample_count_max: u32,
     /// How the converter gives its samples.
     pub sample_format: SampleFormat,
     /// Channels, in the order of the samples.
     pub channels: Vec<Channel>,
-    /// What the samples are worth.
+    /// Units and scales of the samples.
     pub calibration: Calibration,
 }
 
@@ -107,5 +107,5 @@ pub struct Scan {
     pub locations: Vec<(u32, Option<f64>)>,
 }
 
-/// Whether a location is cracked: what the truth of a tap set or of a simulated tyre says.
+/// Whether a location is cracked, according to a tap set or a simulated tyre.
 pub type Truth = BTreeMap<(Serial, u16, u32), bool>;

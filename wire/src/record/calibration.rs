@@ -1,4 +1,4 @@
-//! What the samples of a channel are worth, and who says so.
+//! The units of a channel's samples, and where the scale comes from.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +10,7 @@ pub const METHOD_BYTES_MAX: usize = 160;
 /// The unit of a channel's samples once they are scaled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
 pub enum Unit {
-    /// Part of full scale: nobody said what a sample is worth.
+    /// Fraction of full scale: the value of a sample is unknown.
     #[default]
     #[serde(rename = "FS")]
     FullScale,
@@ -28,12 +28,12 @@ pub enum Unit {
 named!(Unit, FullScale = "FS", Newton = "N", Volt = "V", Pascal = "Pa");
 
 impl Unit {
-    /// Whether a sample is worth something outside of the recording.
+    /// Whether a sample has a physical unit.
     pub fn is_known(self) -> bool {
         self != Self::FullScale
     }
 
-    /// How many newtons, volts or pascals a recording's unit `name` is; `None` if it is no unit of `channel`.
+    /// How many newtons, volts or pascals a recording's unit `name` is; `None` if `channel` has no such unit.
     pub fn of_recording(channel: Channel, name: &str) -> Option<(f64, Self)> {
         use crate::Channel::{Force, Sound};
         Some(match (channel, name.trim()) {
@@ -58,12 +58,12 @@ impl Unit {
 pub struct Certificate {
     /// What was done, in words; at most [`METHOD_BYTES_MAX`] bytes.
     pub method: String,
-    /// Day of the calibration, as `2026-11-24`.
+    /// Day of the calibration, such as `2026-11-24`.
     pub date: String,
-    /// Last day on which it holds; for ever where left out.
+    /// Last day on which it is valid; no end if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub valid_until: Option<String>,
-    /// Sensitivity of the sensor, mV/N or mV/Pa, where it is known apart from the rest.
+    /// Sensitivity of the sensor, mV/N or mV/Pa, where it is known separately.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensitivity_mv_per_unit: Option<f64>,
     /// Gain of the amplifier behind it, likewise.
@@ -76,7 +76,7 @@ pub struct Certificate {
 pub struct ChannelCalibration {
     /// The unit of its samples once they are scaled.
     pub unit: Unit,
-    /// Where the scale comes from; `None` where it is unknown, or only stated.
+    /// Where the scale comes from; `None` if it is unknown, or stated without a certificate.
     pub certificate: Option<Certificate>,
 }
 
@@ -87,12 +87,12 @@ pub struct Calibration {
     pub force: ChannelCalibration,
     /// Of the sound.
     pub sound: ChannelCalibration,
-    /// Day on which the casing was tapped, as `2026-11-24`; `None` where nobody knows.
+    /// Day on which the casing was tapped, such as `2026-11-24`; `None` if unknown.
     pub tapped_on: Option<String>,
 }
 
 impl Calibration {
-    /// Newtons and volts without a certificate: somebody stated a scale.
+    /// Newtons and volts without a certificate: a scale was stated.
     pub fn stated() -> Self {
         let of = |unit| ChannelCalibration { unit, certificate: None };
         Self { force: of(Unit::Newton), sound: of(Unit::Volt), tapped_on: None }
@@ -137,10 +137,10 @@ impl Calibration {
         channels.iter().all(|&channel| self.of(channel).certificate.is_some())
     }
 
-    /// Whether the certificate of one of `channels` is not known to hold on the day of the taps: it is of a later day, it had
-    /// expired, or it expires and that day is not known.
+    /// Whether the certificate of one of `channels` is not known to be valid on the day of the taps: it is of a later day, or
+    /// expired, or it expires and that day is unknown.
     pub fn is_out_of_date(&self, channels: &[Channel]) -> bool {
-        // Dates of this form are in order as texts.
+        // Dates of this form sort as text.
         let is_out = |certificate: &Certificate| match (&self.tapped_on, &certificate.valid_until) {
             (Some(day), until) => *day < certificate.date || until.as_ref().is_some_and(|until| day > until),
             (None, until) => until.is_some(),

@@ -8,13 +8,13 @@ use serde::{Deserialize, Serialize};
 use crate::record::discriminators::Discriminator;
 use crate::{Reasons, Stamp, Stamped};
 
-/// What is to be done with a casing's shoulder.
+/// What to do with a casing's shoulder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Verdict {
     /// No damage was found, and every planned tap was there to find it.
     #[serde(rename = "PASS")]
     Pass,
-    /// Something is doubtful or missing: a person must look, or the scan must be repeated.
+    /// Something is doubtful or missing: a person must inspect it, or the scan must be repeated.
     #[serde(rename = "RE-INSPECT")]
     ReInspect,
     /// Damage was found.
@@ -47,10 +47,10 @@ pub struct DamageCell {
     pub region: u32,
     /// Angle in degrees, NaN when unknown.
     pub angle_deg: f64,
-    /// Damage index: how far the location and its neighbours stand out, on the scale of the limits; NaN when no value could be
+    /// Damage index: how far the location and its neighbours stand out, on the scale of the limits; NaN if no value could be
     /// formed.
     pub damage_index: f64,
-    /// What it was by the first reading alone; NaN where nothing of the shoulder was tapped again.
+    /// The same from the first reading only; NaN if nothing on the shoulder was tapped again.
     pub first_index: f64,
     /// Probability that the strongest arc of a sound shoulder stands out as far; NaN when not computed.
     pub p_value: f64,
@@ -104,22 +104,22 @@ pub struct Judgement {
     pub reasons: Reasons,
     /// How far the strongest arc must stand out for the shoulder to be inspected again.
     pub limit_re_inspect: f64,
-    /// How far it must for the shoulder to be rejected.
+    /// The same for the shoulder to be rejected.
     pub limit_reject: f64,
-    /// How far it does.
+    /// How far it stands out.
     pub strongest_arc: f64,
-    /// How far it did by the first reading alone; NaN where nothing was tapped again.
+    /// The same from the first reading only; NaN if nothing was tapped again.
     pub first_strongest_arc: f64,
-    /// Probability that a sound shoulder is not passed, which the first limit was set for.
+    /// Probability that a sound shoulder is not passed, from which the first limit was set.
     pub re_inspect_rate: f64,
-    /// Probability that a sound shoulder is rejected, which the second limit was set for.
+    /// Probability that a sound shoulder is rejected, from which the second limit was set.
     pub reject_rate: f64,
     /// Probability that the strongest arc of a sound shoulder stands out as far.
     pub p_value: f64,
     /// Mean score of each discriminator, in the order of [`Discriminator::ALL`](crate::Discriminator::ALL), where the index
-    /// is highest: what speaks for damage there; NaN where it says nothing.
+    /// is highest: the evidence of damage there; NaN where it has none.
     pub evidence: [f64; Discriminator::COUNT],
-    /// How far each discriminator scatters from place to place, as a multiple of how far it does in the reference; NaN where it is
+    /// Scatter of each discriminator from place to place, as a multiple of its scatter in the reference; NaN where it is
     /// not known.
     pub scatter: [f64; Discriminator::COUNT],
     /// Level of each discriminator, its median over the places of a turn, as a multiple of the reference's; the geometric mean of

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::record::calibration::Calibration;
 use crate::{Channel, Quality, TapId};
 
-/// Which way a discriminator moves where there is a crack.
+/// Which way a crack moves a discriminator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Direction {
@@ -28,7 +28,7 @@ impl Direction {
     }
 }
 
-/// What of a record a discriminator is taken from: a fault of the record spoils what is taken from it.
+/// The part of a record from which a discriminator is computed: a fault in that part spoils it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Feature {
     /// The pulse of the force.
@@ -39,7 +39,7 @@ pub enum Feature {
     SoundSpectrum,
 }
 
-/// What is to be known of a discriminator beside how it is computed.
+/// What must be known of a discriminator besides its computation.
 #[derive(Debug)]
 struct Attributes {
     /// In configurations and summaries.
@@ -206,7 +206,7 @@ impl Discriminator {
         self.attributes().feature
     }
 
-    /// The channels without which it cannot be had; A_2 and the powers need the sound alone.
+    /// The channels that it needs; A_2 and the powers need only the sound.
     pub fn channels(self) -> &'static [Channel] {
         self.attributes().channels
     }
@@ -224,7 +224,7 @@ impl TryFrom<String> for Discriminator {
         Self::ALL
             .into_iter()
             .find(|which| which.name() == name)
-            .ok_or_else(|| format!("{name:?} is no discriminator; there are {}", Self::ALL.map(Self::name).join(", ")))
+            .ok_or_else(|| format!("{name:?} is not a discriminator; known: {}", Self::ALL.map(Self::name).join(", ")))
     }
 }
 
@@ -234,7 +234,7 @@ impl From<Discriminator> for String {
     }
 }
 
-/// Values of the discriminators of one tap; each is present or absent, never zero for want of a value.
+/// Values of the discriminators of one tap; each is present or absent, and zero never stands for a missing one.
 #[repr(C)]
 #[derive(Clone, Copy, PartialEq, ZeroCopySend)]
 pub struct Values([f64; Discriminator::COUNT]);
@@ -248,7 +248,7 @@ impl Default for Values {
 
 impl Values {
     /// The value of `which` in its [unit](Discriminator::unit), `None` when absent.
-    #[inline] // asked for tens of thousands of times a tyre, from another crate
+    #[inline] // called tens of thousands of times per tyre, from another crate
     pub fn get(&self, which: Discriminator) -> Option<f64> {
         Some(self.0[which as usize]).filter(|v| v.is_finite())
     }

@@ -1,4 +1,4 @@
-//! The flags of taps and of verdicts: one row a flag, with its bit, its name, and what it means to people.
+//! The flags of taps and of verdicts: one row per flag, with its bit, its name, and its meaning in words.
 
 use std::fmt;
 
@@ -22,7 +22,7 @@ macro_rules! flags {
             /// Every flag with its name, in the order of the bits.
             pub const ALL: &'static [(Self, &'static str)] = &[$((Self::$flag, $name),)*];
 
-            /// The flags with these names, joined by `|`; what is no name is passed over.
+            /// The flags with these names, joined by `|`; unknown names are ignored.
             pub fn named(names: &str) -> Self {
                 let named = Self::ALL.iter().filter(|(_, name)| names.split('|').any(|given| given == *name));
                 named.fold(Self::default(), |all, &(flag, _)| all | flag)
@@ -54,29 +54,29 @@ macro_rules! flags {
 flags! {
     /// What is wrong with a tap: why features may be absent or doubtful.
     Quality {
-        REFUSED = 0, "refused": "refused before it was looked at";
+        REFUSED = 0, "refused": "refused before it was analysed";
         NON_FINITE = 1, "non_finite": "a sample is not a number";
         NO_FORCE = 2, "no_force": "no force channel, or a constant one";
         NO_SOUND = 3, "no_sound": "no sound channel, or a constant one";
         NO_BASELINE = 4, "no_baseline": "too few samples before the trigger";
-        NO_PULSE = 5, "no_pulse": "no pulse stands out of the force";
-        NO_ONSET = 6, "no_onset": "no onset stands out of the sound";
-        NO_BAND = 7, "no_band": "the bands hold nothing of this record";
+        NO_PULSE = 5, "no_pulse": "no pulse stands out in the force";
+        NO_ONSET = 6, "no_onset": "no onset stands out in the sound";
+        NO_BAND = 7, "no_band": "the bands contain nothing of this record";
         RETAKE = 8, "retake": "set aside and asked for again";
-        CLIPPED = 9, "clipped": "a channel ran into the end of its range";
+        CLIPPED = 9, "clipped": "a channel reached the end of its range";
         LATE_TRIGGER = 10, "late_trigger": "the trigger came too late";
         DOUBLE_HIT = 11, "double_hit": "the impactor hit twice";
         UNDERSAMPLED = 12, "undersampled": "too few samples for the pulse or the bands";
         HUM = 13, "hum": "mains hum in the sound or the force";
-        LOW_SNR = 14, "low_snr": "not far enough out of the noise";
+        LOW_SNR = 14, "low_snr": "too little above the noise";
         NEIGHBOUR = 15, "neighbour": "another tap is heard in the record";
-        VELOCITY_OFF = 16, "velocity_off": "struck at another velocity than was meant";
+        VELOCITY_OFF = 16, "velocity_off": "struck at a velocity other than intended";
         RATE_IMPLAUSIBLE = 17, "rate_implausible": "a contact time or an impulse that no casing has";
-        CUT = 18, "cut": "the record is shorter than was planned";
-        DROPOUT = 19, "dropout": "a channel stands still where it has noise";
+        CUT = 18, "cut": "the record is shorter than planned";
+        DROPOUT = 19, "dropout": "a channel with noise stays at one value";
         SWAPPED = 20, "swapped": "the channels look swapped";
         SOUND_LATE = 21, "sound_late": "the sound begins later than the force says";
-        SPIKE = 22, "spike": "single samples stand out of the pulse";
+        SPIKE = 22, "spike": "single samples stand out from the pulse";
     }
 }
 
@@ -86,52 +86,52 @@ flags! {
         DAMAGE = 0, "damage": "The strongest arc of at least one region reaches the reject limit.";
         SUSPECT = 1, "suspect":
             "The strongest arc of at least one region lies between the re-inspect limit and the reject limit.";
-        NOT_ENDED = 2, "not_ended": "The scan did not end: what is shown is what there was by then.";
-        TAPS_REFUSED = 3, "taps_refused": "Taps were refused: they have no record that can be used.";
+        NOT_ENDED = 2, "not_ended": "The scan did not end: the results cover only the taps so far.";
+        TAPS_REFUSED = 3, "taps_refused": "Taps were refused: they have no usable record.";
         TAPS_MISSING = 4, "taps_missing": "Planned taps are missing without a reason.";
         LOCATION_BLIND = 5, "location_blind":
-            "At least one location has no usable value, or a part of the ring was not tapped: damage there would not show.";
+            "At least one location has no usable value, or part of the ring was not tapped: damage there would not show.";
         NO_INDEX = 6, "no_index":
             "The damage index could not be formed: no usable discriminator or reference, or too few locations for limits.";
         SELF_REFERENCE = 7, "self_reference":
             "Compared with itself, not with a casing known to be sound: damage all round would not show.";
         FEATURES_ABSENT = 8, "features_absent":
-            "A discriminator that the index asks for is absent, or always the same, at most taps or at a location.";
+            "A discriminator that the index needs is absent, or always the same, at most taps or at a location.";
         NO_SOUND_MAJORITY = 9, "no_sound_majority":
             "More than half of the locations are suspect: another kind of casing than the reference, or damage all round.";
         LEVEL_OFF = 10, "level_off":
-            "The whole stands off from the other side or from the reference: another construction, a changed sensor, or damage all round.";
+            "The whole shoulder differs from the other side or the reference: other construction, a changed sensor, or damage all round.";
         CONDITION_UNKNOWN = 11, "condition_unknown":
-            "The reference has no tap at an offset and velocity that was scanned: what was tapped there is not judged.";
+            "The reference has no tap at an offset and velocity that was scanned: taps there are not judged.";
         EXTRAPOLATED = 12, "extrapolated":
-            "The stated rates of false calls are less than so few reference casings support: they rest on an assumed distribution.";
+            "The stated rates of false calls are lower than so few reference casings allow: they rest on an assumed distribution.";
         FORCE_OFF = 13, "force_off":
-            "The force of a part of the scan is off as no crack and no velocity explains: the gain of its sensor changed.";
+            "The force of part of the scan is off, and no crack or velocity explains it: the gain of its sensor changed.";
         VELOCITY_UNKNOWN = 14, "velocity_unknown":
             "No impact velocity was measured: a wrong one would not show.";
         NOT_CALIBRATED = 15, "not_calibrated":
-            "There is no calibration of a channel: a sensor that changed would not show.";
+            "There is no calibration of a channel: a changed sensor would not show.";
         CALIBRATION_OUT_OF_DATE = 16, "calibration_out_of_date":
-            "The calibration of a channel is not known to hold on the day of the taps: it is of a later day, had expired, or that day is not known.";
+            "The calibration of a channel is not known to be valid on the day of the taps: it is of a later day, expired, or that day is unknown.";
         CALIBRATION_REQUIRED = 17, "calibration_required":
-            "This line passes no casing without a valid calibration.";
+            "This line does not pass casings without a valid calibration.";
         FLAGGED = 18, "flagged":
-            "A flag stands on more than half of the taps: what it warns of holds for all of the shoulder.";
+            "More than half of the taps have the same flag: its warning holds for the whole shoulder.";
         REFERENCE_LACKS_FEATURES = 19, "reference_lacks_features":
-            "A discriminator is absent from a shoulder that this one is compared with, as features_absent says of that one.";
+            "A discriminator is absent from a shoulder that this one is compared with: that one has features_absent.";
         LEVEL_UNKNOWN = 20, "level_unknown":
             "The reference has too few casings to tell how the levels of sound shoulders differ: damage all round would not show.";
         NOT_COMPARABLE = 21, "not_comparable":
-            "The reference was tapped at other places, or recorded or analysed otherwise: nothing of this casing could be compared with it.";
+            "The reference was tapped at other places, or recorded or analysed differently: this casing could not be compared with it.";
         ONE_SHOULDER = 22, "one_shoulder":
             "The other shoulder of the casing was not tapped: damage there would not show.";
         SCATTER_OFF = 23, "scatter_off":
-            "Its places differ from one another more than those of the reference: there is more noise, or it is another kind of casing.";
+            "Its places differ from one another more than those of the reference: more noise, or another kind of casing.";
     }
 }
 
 impl Reasons {
-    /// Those that say how a verdict was reached and ask for nothing: PASS stays PASS.
+    /// Those that say how a verdict was reached but require nothing: PASS stays PASS.
     pub const REMARKS: Self = Self::SELF_REFERENCE
         .union(Self::EXTRAPOLATED)
         .union(Self::VELOCITY_UNKNOWN)
@@ -143,7 +143,7 @@ impl Reasons {
 }
 
 impl Quality {
-    /// The flags on more than half of the taps with these `qualities`, each with its share of them; refused taps do not count.
+    /// The flags on more than half of the taps with these `qualities`, each with its share; refused taps do not count.
     pub fn on_most(qualities: impl IntoIterator<Item = Self>) -> Vec<(Self, f64)> {
         let qualities: Vec<Self> = qualities.into_iter().filter(|of| !of.contains(Self::REFUSED)).collect();
         let share = |flag: Self| {

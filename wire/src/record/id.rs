@@ -23,8 +23,8 @@ impl Serial {
     ///
     /// # Errors
     /// [`IdError::Serial`] when `text` is empty, longer than [`SERIAL_BYTES`] bytes, begins or ends with white space, or
-    /// holds a slash (a serial is a part of file names and of `TYRE/SHOULDER`), a control character, or one that is not
-    /// seen or turns the direction of writing: two serials that look alike are one.
+    /// holds a slash (a serial is part of file names and of `TYRE/SHOULDER`), a control character, or one that is
+    /// invisible or reverses the text direction: serials that look alike must be the same.
     pub fn new(text: &str) -> Result<Self, IdError> {
         let fault = match text {
             _ if text.is_empty() || text.len() > SERIAL_BYTES => Some(format!("has {} bytes", text.len())),
@@ -59,17 +59,17 @@ impl fmt::Debug for Serial {
     }
 }
 
-/// Whether `c` is a format character: it shows nothing, and some change what is around them.
+/// Whether `c` is a format character: invisible, and some change the text around them.
 fn is_unseen(c: char) -> bool {
     matches!(c,
         '\u{ad}' | '\u{34f}' | '\u{61c}' | '\u{180b}'..='\u{180f}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}'
         | '\u{2060}'..='\u{206f}' | '\u{feff}' | '\u{fff9}'..='\u{fffb}' | '\u{e0000}'..='\u{e007f}')
 }
 
-/// Name of a tap, for life: no two taps of a run share it, and every record derived from one carries it.
+/// Permanent name of a tap: no two taps of a run share it, and every record derived from a tap carries it.
 ///
 /// Offset and velocity are the *planned* ones, held as integers so that they compare and hash
-/// exactly; the velocity that was measured is in the tap's header.
+/// exactly; the measured velocity is in the tap's header.
 #[repr(C)]
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, ZeroCopySend, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct TapId {
@@ -202,11 +202,11 @@ pub enum IdError {
 }
 
 impl IdError {
-    /// What was asked for, to stand behind "it must be".
+    /// What is required, for use after "it must be".
     pub fn bound(&self) -> String {
         match self {
             Self::Serial { .. } => format!(
-                "of 1 to {SERIAL_BYTES} bytes, without '/', white space at its ends, control characters and unseen ones"
+                "of 1 to {SERIAL_BYTES} bytes, without '/', white space at its ends, control or invisible characters"
             ),
             Self::OutOfRange { low, high, .. } => format!("from {low} to {high}"),
         }

@@ -11,7 +11,7 @@ pub enum RecordKind {
     Data,
     /// A planned tap or a whole casing will not come; the reason follows as text.
     Refusal,
-    /// When it has passed, everything that its source sent before is handled or lost.
+    /// Once it has passed, everything that its source sent before it is handled or lost.
     Barrier,
     /// The end of a scan, in band.
     End,
@@ -52,7 +52,7 @@ pub struct Stamp {
     pub kind: u32,
     /// Number of the sending `acquire` process; 0 for the other stages.
     pub source: u32,
-    /// Of a barrier a counter, of an end the number of the scan, of a plan its station.
+    /// For a barrier a counter, for an end the number of the scan, for a plan its station.
     pub mark: u64,
 }
 

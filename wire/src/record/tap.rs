@@ -71,7 +71,7 @@ pub enum SourceKind {
     Simulated,
     /// A folder of recordings.
     TapSet,
-    /// A device that is listened to.
+    /// A device that records live.
     Captured,
 }
 
@@ -105,7 +105,7 @@ pub struct TapHeader {
     pub plan_index: u32,
     /// When the impact happened, ns since the Unix epoch.
     pub tap_time_ns: i64,
-    /// When the record was sent, ns on [`crate::monotonic_ns`]'s clock; telemetry, in no result.
+    /// When the record was sent, ns on [`crate::monotonic_ns`]'s clock; telemetry, not part of any result.
     pub sent_ns: i64,
     /// Samples per second and channel.
     pub sample_rate_hz: f64,
@@ -127,9 +127,9 @@ pub struct TapHeader {
     pub channel_count: u32,
     /// [`SourceKind::code`].
     pub source: u32,
-    /// How many more times the source can take this tap again if the record is of no use.
+    /// How many more times the source can take this tap again if the record is unusable.
     pub retakes_left: u32,
-    /// Samples of one channel that the record was to have, 0 where that is not known.
+    /// Planned samples per channel, 0 if that is not known.
     pub planned_sample_count: u32,
     /// Kinds and scales of the channels in use.
     pub channels: [ChannelHeader; CHANNELS_MAX],
@@ -167,7 +167,7 @@ pub enum Samples<'a> {
 impl<'a> Samples<'a> {
     /// The samples that `header` describes, in place in `buffer`.
     ///
-    /// `None` if the header names an unknown format, or more bytes than `buffer` has.
+    /// `None` if the header names an unknown format, or more bytes than `buffer` holds.
     pub fn view(header: &TapHeader, buffer: &'a [CacheLine]) -> Option<Self> {
         let bytes = bytes_of(buffer).get(..header.payload_bytes())?;
         match SampleFormat::from_code(header.sample_format)? {

@@ -1,7 +1,7 @@
 //! Where a line is found: a private folder, and names that nobody can guess.
 //!
 //! The folder is new, belongs to the line's user and is closed to others. The names of its shared memory begin with the random
-//! token of the folder, and every file behind them is private too. A file that somebody else has made, linked or opened to
+//! token of the folder, and every file so named is private too. A file that somebody else has made, linked or opened to
 //! others is never used and never removed.
 
 use std::ffi::OsStr;
@@ -51,8 +51,8 @@ impl LineAddress {
         Err(LineError::NoFolder { why })
     }
 
-    /// The address of the line whose folder is `root`, which [`LineAddress::fresh`] has made. Looks at the name alone:
-    /// the folder is looked at when the line is joined.
+    /// The address of the line whose folder is `root`, which [`LineAddress::fresh`] has made. Checks only the name:
+    /// the folder is checked when the line is joined.
     ///
     /// # Errors
     /// [`LineError::NotOurs`] when no line has such a folder.
@@ -66,7 +66,7 @@ impl LineAddress {
             Some(token) if root.is_absolute() && root.as_os_str().len() <= folder::ROOT_BYTES_MAX => {
                 Ok(Self { prefix: format!("tapline_{token}_"), root: root.to_owned() })
             }
-            _ => Err(LineError::not_ours(root, "is not named as the folder of a line is")),
+            _ => Err(LineError::not_ours(root, "is not named like the folder of a line")),
         }
     }
 
@@ -80,7 +80,7 @@ impl LineAddress {
         &self.prefix
     }
 
-    /// Checks that all of the line is its user's alone: the folder, and every file in shared memory.
+    /// Checks that the folder and every file in shared memory are private to the line's user.
     ///
     /// # Errors
     /// [`LineError::NotOurs`] with the file that somebody else has made, or can read or write.
@@ -96,7 +96,7 @@ impl LineAddress {
         Ok(())
     }
 
-    /// Locks the folder: while what this returns is held, programs that tidy temporary files leave the folder alone.
+    /// Locks the folder: while the returned handle is held, programs that tidy temporary files leave the folder alone.
     ///
     /// # Errors
     /// [`LineError::NotOurs`] when the folder is not as [`LineAddress::fresh`] made it.
@@ -125,7 +125,7 @@ impl LineAddress {
     ///
     /// A program that has opened the first file meanwhile holds one that nobody reads any more.
     fn seal(&self) -> Result<(), LineError> {
-        set_log_level(LogLevel::Fatal); // what it reports is reported by the errors it returns
+        set_log_level(LogLevel::Fatal); // its returned errors report the same
         let node = NodeBuilder::new()
             .config(&self.config()?)
             .signal_handling_mode(SignalHandlingMode::Disabled)
@@ -149,7 +149,7 @@ impl LineAddress {
         self.verify()
     }
 
-    /// Removes what dead participants have left, and everything if none is alive; whether the address is empty now.
+    /// Removes what dead participants left, or everything if none is alive; returns whether the address is empty now.
     ///
     /// Only files of this user are removed, and no link is followed.
     ///
@@ -169,9 +169,9 @@ impl LineAddress {
         Ok(true)
     }
 
-    /// Removes everything, whoever is alive: for a line whose stages have ended.
+    /// Removes everything, even if somebody is alive: for a line whose stages have ended.
     pub fn remove(&self) {
-        // The folder goes last: as long as it exists, the next line knows that something was left.
+        // The folder is removed last: while it exists, the next line knows that something was left.
         for path in segments(&self.prefix) {
             remove(&path, |path| std::fs::remove_file(path));
         }
@@ -239,7 +239,7 @@ mod tests {
         std::fs::hard_link(&file, &second).unwrap();
         let error = address.verify().unwrap_err().to_string();
         std::fs::remove_file(second).unwrap();
-        assert!(error.contains("another name"), "{error}");
+        assert!(error.contains("a second name"), "{error}");
         address.verify().unwrap();
 
         let elsewhere = tempfile::TempDir::new().unwrap();

@@ -34,7 +34,7 @@ pub(crate) fn segments(prefix: &str) -> impl Iterator<Item = PathBuf> {
     named(prefix).filter(move |path| path.symlink_metadata().is_ok_and(|file| file.is_file() && file.uid() == us))
 }
 
-/// Longest time between making a segment and giving it a size in a live participant.
+/// Longest time that a live participant takes from making a segment to giving it a size.
 const SIZING_MAX: Duration = Duration::from_secs(1);
 
 /// Removes segments without a size: their makers died before giving them one, and the layer would wait for it for ever.

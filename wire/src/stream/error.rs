@@ -11,25 +11,25 @@ pub enum LineError {
         *.need as f64 / 1e6, *.free as f64 / 1e6
     )]
     NoRoom {
-        /// For what.
+        /// What needs it.
         what: String,
         /// Bytes needed at most.
         need: u64,
         /// Bytes free.
         free: u64,
     },
-    /// What a line works with is not its user's alone.
-    #[error("{} {why}: a line uses only what it has made itself, for itself alone", path.display())]
+    /// A file or folder of the line is not private to its user.
+    #[error("{} {why}: a line uses only private files that it made itself", path.display())]
     NotOurs {
         /// The file or folder.
         path: std::path::PathBuf,
         /// What is wrong with it.
         why: String,
     },
-    /// There is no place for the line's folder.
-    #[error("no place for the folder that a line works in; set TMPDIR to a folder of yours with a short path ({why})")]
+    /// The line's folder cannot be made anywhere.
+    #[error("no place for the line's working folder; set TMPDIR to a folder of yours with a short path ({why})")]
     NoFolder {
-        /// Why the last place that was tried will not do.
+        /// Why the last place that was tried is unsuitable.
         why: String,
     },
     /// A file of the line's own, or `/dev/shm`, cannot be used.

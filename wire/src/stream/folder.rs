@@ -1,4 +1,4 @@
-//! The private folder of a line: where it may be, how it is made, and what makes a file private.
+//! The private folder of a line: where it may be, how it is made, and when a file is private.
 
 use std::os::fd::OwnedFd;
 use std::os::unix::fs::MetadataExt as _;
@@ -16,7 +16,7 @@ pub(crate) const PREFIX: &str = "tapline-";
 pub(crate) const TOKEN_DIGITS: usize = 16;
 
 /// Longest path of a line's folder, in bytes. The layer's longest name, of a connection, has 156: the prefix, a hash, two
-/// numbers of up to 39 digits, and its kind. The layer puts it behind this path, for 255 in all.
+/// numbers of up to 39 digits, and its kind. The layer appends it to this path, for 255 in all.
 pub(crate) const ROOT_BYTES_MAX: usize = 96;
 
 /// Checks that a file is of this kind, belongs to this user, is closed to others and, unless it is a folder, has no second name.
@@ -31,7 +31,7 @@ pub(crate) fn check_private(path: &Path, stat: &Stat, kind: FileType) -> Result<
         return Err(LineError::not_ours(path, format!("is open to other users (mode {:03o})", stat.st_mode & 0o777)));
     }
     if kind != FileType::Directory && stat.st_nlink > 1 {
-        return Err(LineError::not_ours(path, "has another name besides"));
+        return Err(LineError::not_ours(path, "has a second name"));
     }
     Ok(())
 }
@@ -66,7 +66,7 @@ pub(crate) fn create(base: &Path) -> Result<PathBuf, String> {
         return Err(format!("it belongs to user {}", there.uid()));
     }
     if there.mode() & 0o022 != 0 && there.mode() & 0o1000 == 0 {
-        return Err("others may remove what is in it (it is not sticky)".to_owned());
+        return Err("others may remove its files (it is not sticky)".to_owned());
     }
     if base.as_os_str().len() + 1 + PREFIX.len() + TOKEN_DIGITS > ROOT_BYTES_MAX {
         return Err(format!("its path has more than {} bytes", ROOT_BYTES_MAX - 1 - PREFIX.len() - TOKEN_DIGITS));

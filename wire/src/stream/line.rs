@@ -26,7 +26,7 @@ pub struct Line {
     config: Config,
     node: Node<Svc>,
     mailbox: Arc<Mailbox>,
-    /// Notifications that came before the last wait ended.
+    /// Number of notifications before the last wait ended.
     seen: Cell<u32>,
     /// Those of the roles that were notified.
     mailboxes: RefCell<HashMap<Role, Mailbox>>,
@@ -43,7 +43,7 @@ impl Line {
     /// # Errors
     /// [`LineError`] when the address is not usable or the shared-memory layer refuses.
     pub fn join(address: &LineAddress, role: Role, limits: &Limits, stop: Arc<AtomicBool>) -> Result<Self, LineError> {
-        set_log_level(LogLevel::Fatal); // what it reports is reported by the errors it returns
+        set_log_level(LogLevel::Fatal); // its returned errors report the same
         let mut config = address.config()?;
         // Only the process that started the others looks for dead ones; see `clear_dead`.
         config.global.node.cleanup_dead_nodes_on_creation = false;
@@ -66,7 +66,7 @@ impl Line {
             address: address.clone(),
             config,
             node,
-            // What has come for this role already ends the first wait.
+            // The first wait ends at once: something may have come already.
             seen: Cell::new(mailbox.count().wrapping_sub(1)),
             mailbox,
             mailboxes: RefCell::default(),
@@ -128,7 +128,7 @@ impl Line {
         Ok(is_quiet)
     }
 
-    /// Lets the next wait end at once: a wait on behalf of something else may have seen what it would wait for.
+    /// Lets the next wait end at once: an earlier wait for something else may have consumed its notification.
     pub(crate) fn look_again(&self) {
         self.seen.set(self.mailbox.count().wrapping_sub(1));
     }
@@ -144,7 +144,7 @@ impl Line {
         self.to(role, |mailbox| mailbox.answer(self.role, handshake));
     }
 
-    /// Whether `role` has answered the handshake with this number; each answer is there once.
+    /// Whether `role` has answered the handshake with this number; each answer is returned once.
     pub(crate) fn take_answer(&self, role: Role, handshake: u64) -> bool {
         self.mailbox.take_answer(role, handshake)
     }
@@ -161,14 +161,14 @@ impl Line {
         act(mailbox);
     }
 
-    /// A handle by which worker threads wake this process.
+    /// A handle with which worker threads wake this process.
     pub fn waker(&self) -> Waker {
         Waker(self.mailbox.clone())
     }
 
     /// Removes what dead participants have left, so that nobody waits for them any more.
     ///
-    /// Called by the process that knows who has died, when a participant has, and by a viewer that finds no place. The others
+    /// Called when a participant has died, by the process that knows of it, and by a viewer that finds no free place. Others
     /// must not call it, because its cost grows with the number of participants.
     pub fn clear_dead(&self) {
         reap(&self.config);

@@ -1,7 +1,7 @@
 //! Mailboxes: what wakes a process of a line, and the answers to its handshakes.
 //!
-//! A process sleeps on a word in memory that all of the line share (`futex`), and is woken only when it sleeps: to notify one
-//! that is at work takes no call of the system. With the layer's own events, which go through a socket, a record of 8 KiB took
+//! A process sleeps on a word in memory shared by the whole line (`futex`), and is woken only when it sleeps: notifying one
+//! that is busy takes no system call. With the layer's own events, which go through a socket, a record of 8 KiB took
 //! 1.2 times as long as over a Unix socket; with these it takes 0.7 times as long.
 #![expect(unsafe_code, reason = "words of a file that several processes have mapped")]
 
@@ -25,7 +25,7 @@ const HANDSHAKES: u64 = 32;
 
 /// The mailbox of one role, a file that every process of the line maps. Zeros are its state before the first notification.
 ///
-/// Whoever dies while it notifies leaves at worst a sleep that goes on to the next notification or to its end, a second.
+/// If a process dies while it notifies, at worst a sleep lasts until the next notification or its end, a second.
 #[derive(Debug)]
 pub(crate) struct Mailbox {
     map: MmapRaw,
@@ -59,7 +59,7 @@ impl Mailbox {
         };
         let map = map()?;
         if matches!(role, Role::Viewer(_)) {
-            remove(&path, |path| std::fs::remove_file(path)); // nobody notifies a viewer, and there may come many
+            remove(&path, |path| std::fs::remove_file(path)); // nobody notifies a viewer, and there may be many
         }
         Ok(Self { map, path })
     }
@@ -110,7 +110,7 @@ impl Mailbox {
         }
     }
 
-    /// Whether the role `from` has answered that handshake; each answer is there once.
+    /// Whether the role `from` has answered that handshake; each answer is returned once.
     pub(crate) fn take_answer(&self, from: Role, handshake: u64) -> bool {
         let bit = bit(handshake);
         self.words()
@@ -124,7 +124,7 @@ fn bit(handshake: u64) -> u32 {
     1 << (handshake % HANDSHAKES)
 }
 
-/// Wakes the process it was made in, from any of its threads.
+/// Wakes the process that made it, from any thread of that process.
 #[derive(Debug, Clone)]
 pub struct Waker(pub(crate) Arc<Mailbox>);
 

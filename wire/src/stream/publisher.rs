@@ -79,7 +79,7 @@ impl<'l, T: Topic> Publisher<'l, T> {
     fn open_for(line: &'l Line, receiver: Option<Role>, receivers: Vec<Role>) -> Result<Self, LineError> {
         let bytes = publisher_bytes::<T>(line.limits(), receiver);
         let what = format!("{} from {}", T::NAME, line.role().name());
-        // The start of the line has checked that there is memory for all; whatever has filled it since will be freed again.
+        // The start of the line has checked that there is memory for all; what has filled it since will be freed.
         shm::wait_until_free(&what, bytes, || line.is_stopped())?;
         let service = open::<T>(line, receiver)?;
         let elements_max = T::elements_max(line.limits(), receiver);
@@ -117,7 +117,7 @@ impl<'l, T: Topic> Publisher<'l, T> {
         })
     }
 
-    /// Shared memory for a record of `element_count` elements, zeroed.
+    /// Zeroed shared memory for a record of `element_count` elements.
     ///
     /// # Errors
     /// [`LineError::TooLong`] past the longest record of the line; [`LineError::Shared`] when none can be had.
@@ -138,7 +138,7 @@ impl<'l, T: Topic> Publisher<'l, T> {
         self.loan_copy(header, elements)?.send(kind)
     }
 
-    /// As [`Publisher::send`], but gives up at once instead of waiting; whether it was sent.
+    /// As [`Publisher::send`], but gives up instead of waiting; returns whether it was sent.
     ///
     /// # Errors
     /// As [`Publisher::send`].
@@ -150,7 +150,7 @@ impl<'l, T: Topic> Publisher<'l, T> {
         self.without_blocking(|| loan.deliver(kind))
     }
 
-    /// Connects new viewers, so that they receive the newest record although it was sent before they came.
+    /// Connects new viewers, so that they receive the newest record even if it was sent before they joined.
     ///
     /// # Errors
     /// [`LineError::Shared`] when the shared-memory layer refuses.
@@ -158,7 +158,7 @@ impl<'l, T: Topic> Publisher<'l, T> {
         self.port.update_connections().map_err(|e| LineError::shared(format!("connecting viewers of {}", T::NAME), e))
     }
 
-    /// Runs `deliver`, which gives up where it would wait; whether it succeeded.
+    /// Runs `deliver`, which gives up instead of waiting; returns whether it succeeded.
     fn without_blocking(&self, deliver: impl FnOnce() -> Result<(), LineError>) -> Result<bool, LineError> {
         self.may_block.store(false, Ordering::Relaxed);
         let sent = deliver();
@@ -197,7 +197,7 @@ impl<'l, T: Topic> Publisher<'l, T> {
                 let waited_s = since.elapsed().as_secs();
                 match absent.is_empty() {
                     true => {
-                        tracing::warn!(topic = T::NAME, waited_s, "waiting for the answers of {}", there.join(" and "))
+                        tracing::warn!(topic = T::NAME, waited_s, "waiting for answers from {}", there.join(" and "))
                     }
                     false => tracing::warn!(topic = T::NAME, waited_s, "waiting for {} to start", absent.join(" and ")),
                 }
@@ -216,7 +216,7 @@ impl<'l, T: Topic> Publisher<'l, T> {
         self.generation.get()
     }
 
-    /// Takes one step of the handshake, without waiting; whether all are READY.
+    /// Takes one step of the handshake without waiting; returns whether all are READY.
     ///
     /// # Errors
     /// [`LineError::Shared`] when the shared-memory layer refuses.
@@ -295,7 +295,7 @@ pub struct Loan<'p, 'l, T: Topic> {
 }
 
 impl<T: Topic> Loan<'_, '_, T> {
-    /// Header and elements, to be filled in; the stamp is filled in when the record is sent, but for `casing` and `mark`.
+    /// Fills header and elements; sending fills in the stamp, except `casing` and `mark`.
     pub fn fill<R>(&mut self, fill: impl FnOnce(&mut T::Header, &mut [T::Element]) -> R) -> R {
         let mut header = *self.sample.user_header_mut();
         let result = fill(&mut header, self.sample.payload_mut());
@@ -312,7 +312,7 @@ impl<T: Topic> Loan<'_, '_, T> {
         self.deliver(kind)
     }
 
-    /// As [`Loan::send`], but gives up at once instead of waiting; whether it was sent.
+    /// As [`Loan::send`], but gives up instead of waiting; returns whether it was sent.
     ///
     /// # Errors
     /// As [`Loan::send`].

@@ -1,4 +1,4 @@
-//! The services of a line in shared memory: one a topic.
+//! The services of a line in shared memory: one per topic.
 
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as TopicService;

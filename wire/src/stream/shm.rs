@@ -1,5 +1,5 @@
-//! Shared memory as a resource: checked before anything is created, and then reserved, because a process that touches a
-//! promised page which a full `/dev/shm` cannot provide is killed.
+//! Shared memory as a resource: checked before anything is created, then reserved. A process is killed if it touches a
+//! promised page that a full `/dev/shm` cannot provide.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -19,7 +19,7 @@ const RETRY_EVERY: Duration = Duration::from_millis(200);
 /// Bytes free in shared memory.
 ///
 /// # Errors
-/// [`LineError::File`] if the system does not say.
+/// [`LineError::File`] if the system call fails.
 pub fn free_bytes() -> Result<u64, LineError> {
     let stat = rustix::fs::statvfs(SHM).map_err(|error| LineError::io(Path::new(SHM), error))?;
     Ok(stat.f_bavail * stat.f_frsize)

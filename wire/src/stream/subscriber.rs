@@ -22,8 +22,8 @@ struct GapCounter<K> {
 }
 
 impl<K: std::hash::Hash + Eq> GapCounter<K> {
-    /// Notes the record numbered `sequence` of `sender`, of which `taken` have come: 1, or 0 of one that only names the number
-    /// of the next; how many before it are missing.
+    /// Notes the record numbered `sequence` of `sender`. `taken` is 1, or 0 for a record that only gives the number
+    /// of the next. Returns how many before it are missing.
     fn note(&mut self, sender: K, sequence: u64, taken: u64) -> u64 {
         let expected = self.next.insert(sender, sequence + taken).unwrap_or(sequence);
         let missing = sequence.saturating_sub(expected);
@@ -43,7 +43,7 @@ pub struct Subscriber<'l, T: Topic> {
 }
 
 impl<'l, T: Topic> Subscriber<'l, T> {
-    /// Opens the receiving end of topic `T`; of an addressed topic, that of what is addressed to this process.
+    /// Opens the receiving end of topic `T`; for an addressed topic, that for records addressed to this process.
     ///
     /// # Errors
     /// [`LineError::Shared`] when the shared-memory layer refuses.
@@ -55,7 +55,7 @@ impl<'l, T: Topic> Subscriber<'l, T> {
         // A viewer receives the newest record at once.
         let port = if T::DELIVERY == Delivery::Newest { port.history_request(1) } else { port };
         let port = port.create().map_err(|e| failed::<T>(line, "subscribing to", e))?;
-        // Senders that have records for this process from before it joined are notified that it has.
+        // Senders may have records for this process from before it joined: they are notified that it has.
         let senders = match line.role() {
             _ if T::DELIVERY == Delivery::Newest => Vec::new(),
             Role::Acquire(_) | Role::Fuse | Role::Supervisor => vec![Role::Store],
@@ -113,7 +113,7 @@ impl<'l, T: Topic> Subscriber<'l, T> {
     }
 }
 
-/// A record in shared memory. It stays there until this is dropped, even if its sender ends.
+/// A record in shared memory. It stays valid until this is dropped, even if its sender ends.
 pub struct Received<T: Topic> {
     sample: Sample<Svc, [T::Element], T::Header>,
     topic: PhantomData<T>,

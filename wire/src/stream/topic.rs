@@ -22,7 +22,7 @@ pub enum Role {
     Store,
     /// Starts the others, restarts dead ones, and reports verdicts to people.
     Supervisor,
-    /// Only watches: nobody waits for it. The process with this number.
+    /// Only watches, and nobody waits for it; the process with this number.
     Viewer(u32),
 }
 
@@ -53,7 +53,7 @@ impl Role {
         }
     }
 
-    /// How many roles a line with these limits has, viewers aside.
+    /// How many roles a line with these limits has, not counting viewers.
     pub(crate) fn count(limits: &Limits) -> usize {
         Self::STAGES + usize::from(limits.acquire_count)
     }
@@ -78,7 +78,7 @@ pub trait Topic: std::fmt::Debug + 'static {
     type Element: Clone + Copy + Default + std::fmt::Debug + ZeroCopySend + 'static;
     /// Name of the topic's service.
     const NAME: &'static str;
-    /// Who publishes on it; `None` where every process that acquires does.
+    /// Who publishes on it; `None` if every `acquire` process does.
     const SENDER: Option<Role>;
     /// Who receives it.
     const DELIVERY: Delivery;
@@ -86,11 +86,11 @@ pub trait Topic: std::fmt::Debug + 'static {
     const BUFFER: usize;
     /// Records that one subscriber may hold at once.
     const BORROWED: usize;
-    /// A subscriber is notified after so many data records, and at every record of another kind. Above one for subscribers that
-    /// look often enough by themselves; always below [`Topic::BUFFER`].
+    /// A subscriber is notified after this many data records, and at any record of another kind. Above one for subscribers that
+    /// poll often enough by themselves; always below [`Topic::BUFFER`].
     const WAKE_EVERY: u64 = 1;
 
-    /// Whether a subscriber in this role is notified of every data record, whatever [`Topic::WAKE_EVERY`] is.
+    /// Whether a subscriber in this role is notified of every data record, regardless of [`Topic::WAKE_EVERY`].
     fn wakes_always(_: Role) -> bool {
         false
     }
@@ -161,7 +161,7 @@ impl Topic for ProposalTopic {
     }
 }
 
-/// What stations wait for, their alarms, and, as refusals, what of theirs is not judged: `acquire` to the supervisor. The mark of a
+/// What stations wait for, their alarms, and, as refusals, casings that are not judged: `acquire` to the supervisor. The mark of a
 /// record is its station.
 #[derive(Debug)]
 pub struct WaitTopic;
@@ -182,7 +182,7 @@ impl Topic for WaitTopic {
     }
 }
 
-/// The open casings and their ledgers: `store` to each `acquire`, to `fuse` and to the supervisor, each what it needs.
+/// Open casings and their ledgers, as far as each needs them: `store` to each `acquire`, `fuse` and the supervisor.
 #[derive(Debug)]
 pub struct CasingTopic;
 
@@ -208,7 +208,7 @@ impl Topic for CasingTopic {
 /// Most discriminators that one record of [`SettledTopic`] carries.
 pub const SETTLED_RECORDS_MAX: usize = 256;
 
-/// Discriminators that are safe in the archive: `store` to `fuse`. The mark of a record is how many taps its casing's plan has.
+/// Discriminators that are safe in the archive: `store` to `fuse`. The mark of a record is the tap count of its casing's plan.
 #[derive(Debug)]
 pub struct SettledTopic;
 
@@ -244,8 +244,8 @@ impl Topic for DamageTopic {
     }
 }
 
-/// Taps that `fuse` asks for besides, because of what others showed: `fuse` to `store`, which adds them to the casing's plan. The
-/// mark of a record is how many taps the plan has that it rests on; [`crate::encode_taps`] wrote its bytes.
+/// Additional taps, requested because of what others showed: `fuse` to `store`, which adds them to the casing's plan. The
+/// mark of a record is the number of taps in the plan that it is based on; [`crate::encode_taps`] wrote its bytes.
 #[derive(Debug)]
 pub struct AskTopic;
 
@@ -311,11 +311,11 @@ pub(crate) fn port_limits<T: Topic>(limits: &Limits) -> (usize, usize, usize) {
         Delivery::Newest => StatusTopic::VIEWERS_MAX,
     };
     let ports = (publishers::<T>(limits) + SPARE_PORTS, subscribers + SPARE_PORTS);
-    // A viewer's node stays until the supervisor removes dead ones.
+    // A viewer's dead node stays until the supervisor removes it.
     (ports.0, ports.1, ports.0 + ports.1 + 2 * StatusTopic::VIEWERS_MAX)
 }
 
-/// Shared memory that one publisher of `T` to `receiver` may come to need, in bytes.
+/// Most shared memory that one publisher of `T` to `receiver` may need, in bytes.
 pub(crate) fn publisher_bytes<T: Topic>(limits: &Limits, receiver: Option<Role>) -> usize {
     let (_, subscribers, _) = port_limits::<T>(limits);
     let slots = subscribers * (T::BUFFER + T::BORROWED) + LOANED;
@@ -326,7 +326,7 @@ pub(crate) fn publisher_bytes<T: Topic>(limits: &Limits, receiver: Option<Role>)
 /// Records that a publisher may have on loan at once.
 pub(crate) const LOANED: usize = 2;
 
-/// Shared memory that a whole line may come to need, in bytes.
+/// Most shared memory that a whole line may need, in bytes.
 pub fn line_bytes(limits: &Limits) -> usize {
     fn of<T: Topic>(limits: &Limits) -> usize {
         publisher_bytes::<T>(limits, None) * publishers::<T>(limits)

@@ -8,22 +8,22 @@ use alsa::{Direction, ValueOr};
 use super::{Chunk, Device};
 use crate::capture::CaptureConfig;
 
-/// What is read at once, about: a power of two is chosen, which every card can give.
+/// Approximate time of one read: a power of two of samples is chosen, which every card supports.
 const PERIOD_S: f64 = 0.01;
 
-/// Periods that the card keeps while nobody reads.
+/// Periods that the card buffers while nobody reads.
 const PERIODS: alsa::pcm::Frames = 64;
 
 /// How long a read waits for samples before it returns without any.
 const WAIT_MS: u32 = 200;
 
-/// The card is taken for stopped when it has given nothing for this long.
+/// The card counts as stopped when it has given nothing for this long.
 const SILENT_MAX: Duration = Duration::from_secs(5);
 
 /// Counts of a full-scale 32-bit sample.
 const FULL_SCALE: f32 = (1_u32 << 31) as f32;
 
-/// How a sample lies in the card's buffer.
+/// Layout of a sample in the card's buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Layout {
     I16,
@@ -44,7 +44,7 @@ impl Layout {
         }
     }
 
-    /// Those that hold samples of so many bits, the best first.
+    /// The layouts for samples of `bits` bits, the best first.
     fn of_bits(bits: u16) -> &'static [Self] {
         match bits {
             16 => &[Self::I16],
@@ -73,7 +73,7 @@ impl SoundCard {
         let fault = |what: &str, error: alsa::Error| format!("{what}: {error}");
         // A terminating zero ends a name in C.
         if name.contains('\0') {
-            return Err(format!("{name:?} is no name of a device"));
+            return Err(format!("{name:?} is not a device name"));
         }
         let _messages = quietly();
         let pcm = PCM::new(name, Direction::Capture, false)
@@ -101,7 +101,7 @@ impl SoundCard {
         // Resampling would filter the sound.
         params.set_rate_resample(false).map_err(fault("its resampling cannot be switched off".to_owned()))?;
         let layout = Layout::of_bits(config.bits).iter().find(|layout| params.test_format(layout.format()).is_ok());
-        let Some(&layout) = layout else { return Err(format!("it has no samples of {} bits", config.bits)) };
+        let Some(&layout) = layout else { return Err(format!("it offers no samples of {} bits", config.bits)) };
         params.set_format(layout.format()).map_err(fault(format!("it gives no samples of {} bits", config.bits)))?;
         let channels = config.channels;
         let (least, most) = (params.get_channels_min().unwrap_or(0), params.get_channels_max().unwrap_or(0));
@@ -190,17 +190,17 @@ impl Device for SoundCard {
     }
 }
 
-/// A part of full scale, of the three bytes of a sample, the lowest first.
+/// The three bytes of a sample, lowest first, as a fraction of full scale.
 fn of_packed24(bytes: &[u8]) -> f32 {
     i32::from_le_bytes([0, bytes[0], bytes[1], bytes[2]]) as f32 / FULL_SCALE
 }
 
-/// A part of full scale, of the lower three bytes of `sample`: what stands in the upper one is not defined.
+/// The lower three bytes of `sample` as a fraction of full scale: the upper byte is undefined.
 fn of_low24(sample: i32) -> f32 {
     (sample << 8) as f32 / FULL_SCALE
 }
 
-/// Keeps what ALSA would print in this thread: the error that it returns says the same.
+/// Suppresses what ALSA would print in this thread: the errors that it returns say the same.
 fn quietly() -> Option<std::rc::Rc<std::cell::RefCell<alsa::Output>>> {
     alsa::Output::local_error_handler().ok()
 }
@@ -212,7 +212,7 @@ pub struct SoundCardInfo {
     pub name: String,
     /// What ALSA says of it.
     pub description: String,
-    /// What it can record, or why it cannot be asked.
+    /// What it can record, or why it cannot be queried.
     pub abilities: Result<Abilities, String>,
 }
 
@@ -240,7 +240,7 @@ pub fn sound_cards(names: &[String]) -> Result<Vec<SoundCardInfo>, String> {
         return Ok(names.iter().map(|name| info(name.clone(), String::new())).collect());
     }
     let hints = alsa::device_name::HintIter::new_str(None, "pcm").map_err(|error| error.to_string())?;
-    // One without a direction can do both.
+    // A device without a direction supports both.
     let hints = hints.filter(|hint| hint.direction != Some(Direction::Playback));
     let cards = hints.filter_map(|hint| Some(info(hint.name?, hint.desc.unwrap_or_default().replace('\n', ", "))));
     // ALSA lists plugins too, whether or not there is a card for them; a card that another program uses is one.
@@ -249,10 +249,10 @@ pub fn sound_cards(names: &[String]) -> Result<Vec<SoundCardInfo>, String> {
 
 fn abilities(name: &str) -> Result<Abilities, String> {
     if name.contains('\0') {
-        return Err("it is no name of a device".to_owned());
+        return Err("it is not a device name".to_owned());
     }
     let _messages = quietly();
-    // Another program may have it open: then this does not wait.
+    // Do not wait if another program has it open.
     let pcm = PCM::new(name, Direction::Capture, true).map_err(|error| error.to_string())?;
     let params = HwParams::any(&pcm).map_err(|error| error.to_string())?;
     let has = |bits: &u16| Layout::of_bits(*bits).iter().any(|layout| params.test_format(layout.format()).is_ok());

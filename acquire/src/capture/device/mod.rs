@@ -1,4 +1,4 @@
-//! What gives samples without a pause.
+//! Devices that never pause.
 
 #[cfg(feature = "alsa")]
 mod alsa;
@@ -11,7 +11,7 @@ use std::fmt;
 pub use self::alsa::{Abilities, SoundCardInfo, sound_cards};
 use crate::capture::CaptureConfig;
 
-/// A device that can be listened to: its name, by what drives it.
+/// A device that can be recorded: its name, by driver.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum DeviceName {
     /// A sound card, as ALSA names it.
@@ -27,20 +27,20 @@ impl fmt::Display for DeviceName {
     }
 }
 
-/// What came from a device, frame by frame, a sample of each channel in a frame.
+/// Data from a device, frame by frame; a frame has one sample of each channel.
 #[derive(Debug, Clone, Copy)]
 #[cfg_attr(not(any(feature = "alsa", feature = "uldaq", test)), expect(dead_code, reason = "only devices give it"))]
 pub(super) enum Chunk<'a> {
     /// Parts of full scale.
     F32(&'a [f32]),
-    /// So many frames were lost here.
+    /// This many frames were lost here.
     Lost(u64),
 }
 
 /// A device that is heard without a pause.
 pub(super) trait Device {
-    /// Waits a while for the next frames, and passes them on; not at all where none have come. With each piece goes how many
-    /// frames had come behind it by then: what was late in being read was not heard late.
+    /// Waits a while for the next frames and passes them on, or nothing if none have come. Each piece has the number of
+    /// frames that had already come after it: samples that are read late were not recorded late.
     ///
     /// # Errors
     /// Why the device cannot be read any more. It is then opened again.
@@ -60,7 +60,7 @@ pub(super) fn open(name: &DeviceName, config: &CaptureConfig) -> Result<Box<dyn 
         #[cfg(not(all(feature = "alsa", feature = "uldaq")))]
         _ => {
             let _wanted = config;
-            Err(format!("this program was built without what drives it: {name:?}"))
+            Err(format!("this program was built without a driver for {name:?}"))
         }
     }
 }

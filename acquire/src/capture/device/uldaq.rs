@@ -1,4 +1,4 @@
-//! A data acquisition module of Measurement Computing or Data Translation, through libuldaq: one with supply for IEPE sensors.
+//! A data acquisition module of Measurement Computing or Data Translation, through libuldaq: one that powers IEPE sensors.
 
 use std::thread;
 use std::time::{Duration, Instant};
@@ -15,14 +15,14 @@ use crate::capture::CaptureConfig;
 /// How long a read waits for samples before it returns without any: a transfer of the module.
 const WAIT: Duration = Duration::from_millis(10);
 
-/// How long the driver keeps samples while nobody reads, about.
+/// Approximately how long the driver keeps samples while nobody reads.
 const BUFFER_S: f64 = 1.0;
 
-/// The module is taken for stopped when it has given nothing for this long.
+/// The module counts as stopped when it has given nothing for this long.
 const SILENT_MAX: Duration = Duration::from_secs(5);
 
-/// Largest difference, as a fraction, of the rate that the module has from the one it is asked for. Its clock has steps, and
-/// a ten-thousandth changes nothing that is found in a tap.
+/// Largest relative difference between the module's rate and the requested one. Its clock has steps, and
+/// a ten-thousandth changes no result of a tap.
 const RATE_ERROR_MAX: f64 = 1e-4;
 
 /// A module that scans.
@@ -41,9 +41,9 @@ impl DaqModule {
             let what = what.to_owned();
             move |error: uldaqrs::Error| format!("{what}: {error}")
         };
-        let found = get_device_inventory(DaqDeviceInterface::USB).map_err(fault("modules cannot be looked for"))?;
+        let found = get_device_inventory(DaqDeviceInterface::USB).map_err(fault("cannot search for modules"))?;
         let device = DaqDevice::create(pick(name, &found)?).map_err(fault("it cannot be opened"))?;
-        device.connect().map_err(fault("it cannot be connected to"))?;
+        device.connect().map_err(fault("cannot connect to it"))?;
         let (range_v, range) = match config.uldaq.range_v {
             range_v if range_v > 1.0 => (10.0, Range::Bip10Volts),
             _ => (1.0, Range::Bip1Volts),
@@ -55,12 +55,12 @@ impl DaqModule {
                 Channel::Force => usize::from(number) == force,
                 Channel::Sound => usize::from(number) == sound,
             });
-            // The supply is a constant voltage beside the signal: more than the range has room for.
+            // The supply adds a constant voltage to the signal, which exceeds the range.
             let (iepe, coupling) = match is_supplied {
                 true => (IepeMode::Enabled, CouplingMode::Ac),
                 false => (IepeMode::Disabled, CouplingMode::Dc),
             };
-            // Volts, where another program may have left newtons.
+            // Volts: another program may have left newtons.
             device
                 .set_ai_sensor_sensitivity(number.into(), 1.0)
                 .and_then(|()| device.set_ai_coupling_mode(number.into(), coupling))
@@ -115,7 +115,7 @@ impl Drop for DaqModule {
     }
 }
 
-/// The one of the modules `found` that is called `name`: by its number, or by its product if there is one of it.
+/// The module called `name` among those `found`: by its number, or by its product if that is unambiguous.
 fn pick<'a>(name: &str, found: &'a [DaqDeviceDescriptor]) -> Result<&'a DaqDeviceDescriptor, String> {
     let listed = |of: &[&DaqDeviceDescriptor]| {
         let names: Vec<String> = of.iter().map(|one| format!("{} ({})", one.product_name, one.unique_id)).collect();
@@ -132,16 +132,16 @@ fn pick<'a>(name: &str, found: &'a [DaqDeviceDescriptor]) -> Result<&'a DaqDevic
     }
 }
 
-/// Refuses a rate that is not the one that was asked for.
+/// Refuses a rate that is not the requested one.
 fn check_rate(wanted_hz: f64, got_hz: f64) -> Result<(), String> {
-    // What is no number is none either.
+    // NaN is refused too.
     if ((got_hz - wanted_hz) / wanted_hz).abs() <= RATE_ERROR_MAX {
         return Ok(());
     }
     Err(format!("it samples at {got_hz} Hz, not at {wanted_hz}"))
 }
 
-/// The place in the buffer of a scan from which frames have not been passed on.
+/// The position in a scan's buffer from which frames have not been passed on.
 #[derive(Debug)]
 struct Circle {
     frames: u64,
@@ -157,8 +157,8 @@ impl Circle {
         Self { frames: frames as u64, channels, range_v, taken: 0, scaled: Vec::new() }
     }
 
-    /// Passes on what is new in `buffer`, up to its end, as parts of full scale; whether there was anything. `written` tells
-    /// how many frames were written into it since the scan began.
+    /// Passes on what is new in `buffer`, up to its end, as fractions of full scale; whether there was any. `written` gives
+    /// the number of frames written into it since the scan began.
     fn pass(
         &mut self,
         buffer: &[f64],
@@ -170,14 +170,14 @@ impl Circle {
         if count == 0 {
             return Ok(false);
         }
-        // The driver writes behind the compiler's back.
+        // The driver writes into the buffer unseen by the compiler.
         let all = std::hint::black_box(buffer);
         let place = |frame: u64| frame as usize * self.channels;
         self.scaled.clear();
         self.scaled.extend(all[place(first)..place(first + count)].iter().map(|volts| (volts / self.range_v) as f32));
         let behind = written()?.saturating_sub(self.taken);
         if behind > self.frames {
-            // What was read may be of two laps.
+            // The data may be from two laps of the buffer.
             self.taken += behind;
             take(Chunk::Lost(behind), 0);
         } else {

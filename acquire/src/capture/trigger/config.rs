@@ -9,15 +9,15 @@ use crate::config::refuse;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TriggerConfig {
-    /// What the force rises to above its baseline, as a part of full scale.
+    /// Trigger level of the force above its baseline, as a fraction of full scale.
     pub level: f64,
-    /// What it falls below again, as a part of the level.
+    /// Release level, as a fraction of the trigger level.
     pub release: f64,
-    /// Shortest time above the release level: what is shorter is a click.
+    /// Shortest time above the release level: a shorter pulse is a click.
     pub pulse_min_s: f64,
-    /// Longest time above the release level: what is longer is a step.
+    /// Longest time above the release level: a longer one is a step.
     pub pulse_max_s: f64,
-    /// Time from one tap within which there is no other: a rebound belongs to the tap before it.
+    /// Time after a tap in which no other begins: a rebound belongs to the tap before it.
     pub hold_off_s: f64,
 }
 
@@ -28,7 +28,7 @@ impl Default for TriggerConfig {
 }
 
 impl TriggerConfig {
-    /// Checks every value against its bounds; `table` is what stands before their names in an error.
+    /// Checks every value against its bounds; `table` is the prefix of their names in an error.
     ///
     /// # Errors
     /// [`Error::Setting`] for the first value out of bounds.

@@ -1,10 +1,10 @@
-//! The time of a tap: where the rising flank of its pulse has half of the peak.
+//! The time of a tap: where the rising flank of its pulse reaches half of the peak.
 
-/// Parts of the peak between which the rising flank is fitted. The time of a tap is where that fit is half of the peak, whatever
-/// the peak.
+/// Fractions of the peak between which the rising flank is fitted. A tap's time is where that fit is half of the peak, for any
+/// peak height.
 const FLANK: (f64, f64) = (0.2, 0.8);
 
-/// The part of its greatest sample above which a pulse is fitted to find its peak.
+/// The fraction of its greatest sample above which a pulse is fitted to find its peak.
 const TOP: f64 = 0.8;
 
 /// Where the rising flank of `pulse`, whose peak comes after sample `from`, is half of the peak: by parabolas through the top and
@@ -71,7 +71,7 @@ impl Parabola {
     /// Where it rises through `level`; `None` where that is not among the samples.
     fn root(self, level: f64) -> Option<f64> {
         let Self { a, b, c, reach } = self;
-        // The form that holds as c goes to 0.
+        // This form is stable as c goes to 0.
         let t = 2.0 * (level - a) / (b + (b * b + 4.0 * c * (level - a)).sqrt());
         (b > 0.0 && t.abs() <= reach + 1.0).then_some(t)
     }

@@ -1,7 +1,7 @@
-//! Finds taps in an endless record of the force: a Schmitt trigger, and what tells a tap from a click and from a step.
+//! Finds taps in an endless record of the force: a Schmitt trigger that distinguishes taps from clicks and steps.
 //!
-//! A tap is a pulse that rises above the level, stays there for a while and falls again. What is shorter is a click on the cable;
-//! what does not fall again is a step of the offset, to which the baseline then moves.
+//! A tap is a pulse that rises above the level, stays there for a while and falls again. A shorter pulse is a click on the cable;
+//! one that does not fall again is a step of the offset, to which the baseline then moves.
 
 mod config;
 mod flank;
@@ -12,10 +12,10 @@ pub use config::TriggerConfig;
 
 use flank::flank_at_half;
 
-/// Samples that the baseline is the median of; it is followed block by block.
+/// The baseline is the median of this many samples, block by block.
 const BASELINE_SAMPLES: usize = 64;
 
-/// Part of the peak at which a pulse begins.
+/// Fraction of the peak at which a pulse begins.
 const ONSET: f32 = 0.02;
 
 /// Where a tap is.
@@ -23,11 +23,11 @@ const ONSET: f32 = 0.02;
 pub struct Crossing {
     /// Where the pulse begins: the last sample below 2 % of its peak, counted from the start of the stream.
     pub sample: u64,
-    /// Where the rising flank has half of the peak, in samples from the start of the stream.
+    /// Where the rising flank reaches half of the peak, in samples from the start of the stream.
     pub time_samples: f64,
 }
 
-/// What was no tap.
+/// What was not a tap.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct NotTaps {
     /// Clicks: pulses that were too short.
@@ -53,11 +53,11 @@ pub struct Trigger {
     pulse: Vec<f32>,
     /// How many of `pulse` came before the crossing; `None` between pulses.
     before: Option<usize>,
-    /// Before this sample there is no other tap.
+    /// No other tap begins before this sample.
     quiet_until: u64,
-    /// Where a pulse within the hold-off began that has not ended.
+    /// Where an unfinished pulse within the hold-off began.
     second: Option<u64>,
-    /// Where those began that have ended in what was last pushed.
+    /// Where those that ended within the last push began.
     seconds: Vec<u64>,
     not_taps: NotTaps,
 }
@@ -84,7 +84,7 @@ impl Trigger {
         }
     }
 
-    /// Has taps found at another `level`, a part of full scale, from the next sample on.
+    /// Sets the trigger `level`, a fraction of full scale, from the next sample on.
     pub fn set_level(&mut self, level: f64) {
         self.release *= level as f32 / self.level;
         self.level = level as f32;
@@ -95,7 +95,7 @@ impl Trigger {
         self.not_taps
     }
 
-    /// Most samples after its crossing that a tap is found.
+    /// Most samples from a tap's crossing until it is found.
     pub fn delay_samples(&self) -> usize {
         self.pulse_max + 1
     }
@@ -105,7 +105,7 @@ impl Trigger {
         self.hold_off
     }
 
-    /// Forgets what has not ended: `lost` samples did not come.
+    /// Forgets an unfinished pulse: `lost` samples did not come.
     pub fn skip(&mut self, lost: u64) {
         self.count += lost;
         (self.baseline, self.before, self.second) = (None, None, None);
@@ -123,7 +123,7 @@ impl Trigger {
         }
     }
 
-    /// Where pulses began that would be taps but for the hold-off, and have ended in what was last pushed.
+    /// Where pulses began that ended within the last push and would be taps but for the hold-off.
     pub fn seconds(&self) -> &[u64] {
         &self.seconds
     }
@@ -142,7 +142,7 @@ impl Trigger {
                 return self.pulse_ended(baseline, before, number - above as u64 + 1);
             }
             if above > self.pulse_max {
-                // The offset is another one from here on.
+                // The offset has changed from here on.
                 self.not_taps.steps += 1;
                 self.restart();
                 self.baseline = None;
@@ -207,7 +207,7 @@ impl Trigger {
         self.block.clear();
     }
 
-    /// Takes `sample` for one of the baseline.
+    /// Takes `sample` as one of the baseline.
     fn follow(&mut self, sample: f32) {
         self.block.push(sample);
         if self.block.len() == BASELINE_SAMPLES {

@@ -1,4 +1,4 @@
-//! The dialogue of a station and its rig, and what it means for the casing on the rig.
+//! The dialogue between a station and its rig, and its effect on the casing on the rig.
 //!
 //! This file has the state, its connection and its timeouts; `station` has what the station asks for, and `receive` what a
 //! line from the rig changes.
@@ -18,13 +18,13 @@ use crate::rig::stream::Stream;
 /// A rig that has been silent for this long is pinged.
 const SILENCE_MAX: Duration = Duration::from_secs(10);
 
-/// How often a rig at a serial port is asked who it is: a board that starts does not hear it.
+/// How often a rig at a serial port is asked for its name: a board that is starting does not hear it.
 const ASK_AGAIN: Duration = Duration::from_secs(1);
 
 /// An answer that should come at once is late after this time.
 const LATE_AFTER: Duration = Duration::from_secs(1);
 
-/// How often in a row a rig may lose its connection over one command before people are told.
+/// How often in a row a rig may lose its connection during one command before an alarm.
 const UNANSWERED_MAX: u32 = 3;
 
 /// Most alarms that are kept for the station.
@@ -57,13 +57,13 @@ pub(crate) struct Dialogue {
     rig_name: Option<String>,
     /// Why the rig is stopped, by its emergency stop for example.
     stopped: Option<String>,
-    /// Whether the rig knows its position, as far as it can: else it is told to home before it moves.
+    /// Whether the rig knows its position, as far as it can; if not, it must home before it moves.
     is_homed: bool,
     /// Why there is no connection.
     fault: Option<String>,
     /// The command that the rig has not answered yet.
     pending: Option<PendingCommand>,
-    /// The command over which the connection was lost, and how often in a row.
+    /// The command during which the connection was lost, and how often in a row.
     unanswered: Option<(String, u32)>,
     /// Serial of a casing on the rig that the station has not taken over.
     loaded: Option<String>,
@@ -81,7 +81,7 @@ pub(crate) struct Dialogue {
     last_id: u64,
     last_unknown_name: String,
     alarms: Vec<String>,
-    /// Casings that were passed over.
+    /// Casings that were skipped.
     refusals: Vec<String>,
 }
 
@@ -90,7 +90,7 @@ struct PendingCommand {
     command: Command,
     text: String,
     deadline: Instant,
-    /// Whether it was reported that the answer is late.
+    /// Whether the late answer was reported.
     is_late: bool,
     /// The casing it is for.
     casing: u64,
@@ -105,7 +105,7 @@ enum Command {
 }
 
 impl Command {
-    /// What a rig does that obeys it; `None` where that is nothing to see.
+    /// What a rig does when it obeys; `None` if that is not visible.
     fn deed(self) -> Option<&'static str> {
         match self {
             Self::Home => Some("home"),
@@ -127,7 +127,7 @@ struct Current {
     hit: String,
     /// When it was sent.
     hit_sent: Option<Instant>,
-    /// Whether people were told that the rig is away, and no tap was made since.
+    /// Whether an alarm said that the rig is away, and no tap was made since.
     is_away_told: bool,
 }
 
@@ -150,9 +150,9 @@ pub(crate) type Tap = (u32, u16);
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Hit {
     pub velocity_m_per_s: f64,
-    /// When it said that it has, ns since the Unix epoch.
+    /// When the rig reported it, ns since the Unix epoch.
     pub time_ns: i64,
-    /// When it was told to hit, and when it said that it has.
+    /// When the rig was told to hit, and when it reported the hit.
     pub sent: Instant,
     pub at: Instant,
 }
@@ -199,7 +199,7 @@ impl Dialogue {
         self.forget_rig();
     }
 
-    /// Forgets what the rig has said, and what it was told: it begins anew.
+    /// Forgets what the rig said and was told: it starts again.
     pub(super) fn forget_rig(&mut self) {
         self.rig_name = None;
         self.stopped = None;
@@ -216,7 +216,7 @@ impl Dialogue {
         }
     }
 
-    /// Gives up the command that is not answered; has people told of a rig that never answers it, however often it connects.
+    /// Gives up the unanswered command; raises an alarm if the rig never answers it, however often it connects.
     fn count_unanswered(&mut self) {
         let Some(PendingCommand { command, text, .. }) = self.pending.take() else { return };
         let Some(what) = command.deed() else { return };
@@ -224,19 +224,19 @@ impl Dialogue {
         let count = before.saturating_add(1);
         if count == UNANSWERED_MAX {
             let told =
-                format!("the rig does not {what}: it was told {text:?} {count} times in a row, and has not answered");
+                format!("the rig does not {what}: it was sent {text:?} {count} times in a row and has not answered");
             tracing::error!("station {}: {told}", self.config.station);
             self.alarm(told);
         }
         self.unanswered = Some((text, count));
     }
 
-    /// Whether there is no connection, but a port.
+    /// Whether this is a serial port, not a connection.
     pub(super) fn is_serial(&self) -> bool {
         self.stream.as_ref().is_some_and(Stream::has_no_connection)
     }
 
-    /// Asks who is at the other end of a port.
+    /// Asks which rig is at the other end of a port.
     fn ask(&mut self) {
         self.asked = Some(Instant::now());
         self.send("hello");
@@ -266,7 +266,7 @@ impl Dialogue {
             let LinkConfig { station, address, .. } = &self.config;
             tracing::warn!("station {station}: there is no connection to the rig at {address}: {reason}; trying again");
             self.fault = Some(reason.to_owned());
-            // Without a casing a rig may be off. One that comes and goes is told once until it has made a tap.
+            // Without a casing a rig may be off. One that comes and goes is reported once until it has made a tap.
             if let Some(current) = &mut self.current
                 && !std::mem::replace(&mut current.is_away_told, true)
             {
@@ -283,7 +283,7 @@ impl Dialogue {
     pub(super) fn check_timeouts(&mut self) -> Result<(), String> {
         let now = Instant::now();
         let timeout = self.config.timeout;
-        // A hit and a ping are answered at once; what moves takes its time.
+        // A hit and a ping are answered at once; moving takes time.
         let is_prompt = |of: &&mut PendingCommand| matches!(of.command, Command::Hit | Command::Ping) && !of.is_late;
         if let Some(pending) = self.pending.as_mut().filter(is_prompt)
             && pending.deadline.saturating_duration_since(now) + LATE_AFTER <= timeout

@@ -20,21 +20,21 @@ impl Dialogue {
         self.last_received = Some(now);
         let Some(message) = RigMessage::parse(line) else {
             if self.rig_name.is_none() && self.is_serial() {
-                // What a board says while it starts.
+                // Boot output of a board.
                 return Ok(false);
             }
-            return Err(format!("the rig has said {:?}, which means nothing here", one_line(line)));
+            return Err(format!("the rig has said {:?}, which is not in the protocol", one_line(line)));
         };
         if self.rig_name.is_none() {
             return self.receive_hello(message, line);
         }
         let is_of_motion =
             matches!(message, RigMessage::Homed | RigMessage::Ready | RigMessage::Hit(_) | RigMessage::Error(_));
-        // An answer that was on its way when the rig stopped: its tap is made when it goes on.
+        // An answer that was on its way when the rig stopped: its tap is made when the rig continues.
         if self.stopped.is_some() && is_of_motion {
             return Ok(false);
         }
-        // A board that has started again.
+        // The board has restarted.
         if self.is_serial() && matches!(message, RigMessage::Hello { .. }) {
             self.forget_rig();
             return self.receive_hello(message, line);
@@ -80,20 +80,20 @@ impl Dialogue {
                 let LinkConfig { station, address, .. } = &self.config;
                 tracing::warn!("station {station}: the rig at {address} is stopped: {why}");
                 self.alarm(format!("the rig is stopped: {why}"));
-                // What it was told to do is not done: it is told again when it goes on.
+                // The pending command was not done: it is sent again when the rig continues.
                 if let Some(pending) = self.pending.take_if(|pending| pending.command != Command::Ping)
                     && let Some(current) = self.begun(pending.casing)
                 {
                     current.step = Step::Idle;
                 }
-                // Whoever freed it may have turned it.
+                // The person who freed it may have turned it.
                 self.is_homed = false;
                 self.stopped = Some(why);
                 Ok(true)
             }
             RigMessage::Running => {
                 let LinkConfig { station, address, .. } = &self.config;
-                tracing::warn!("station {station}: the rig at {address} goes on");
+                tracing::warn!("station {station}: the rig at {address} continues");
                 self.stopped = None;
                 Ok(true)
             }
@@ -103,7 +103,7 @@ impl Dialogue {
                 tracing::warn!("station {station}: the rig at {address} reports {why:?}");
                 if let Some(pending) = self.pending.take() {
                     self.unanswered.take_if(|(text, _)| *text == pending.text);
-                    // It has no home to find. One that cannot find it says that it is stopped, or refuses to move.
+                    // It has no home. A rig that cannot find its home says that it is stopped, or refuses to move.
                     self.is_homed |= pending.command == Command::Home;
                     self.advance(pending.casing, |tap| Step::Failed(tap, why));
                 }
@@ -125,7 +125,7 @@ impl Dialogue {
                 Ok(true)
             }
             RigMessage::Hello { version, .. } => {
-                self.send(&format!("error version {version} is not spoken here, but {VERSION}"));
+                self.send(&format!("error version {version} is not supported, only {VERSION}"));
                 Err(format!("the rig speaks version {version} of the protocol; this station speaks {VERSION}"))
             }
             _ if self.is_serial() => Ok(false),
@@ -140,8 +140,8 @@ impl Dialogue {
         if serial != UNKNOWN
             && let Err(error) = Serial::new(serial)
         {
-            tracing::error!("station {station}: a casing is passed over: {error}");
-            self.refuse(format!("a casing is passed over: {error}"));
+            tracing::error!("station {station}: a casing is skipped: {error}");
+            self.refuse(format!("a casing is skipped: {error}"));
             self.send(&format!("error {}", one_line(&error.to_string())));
             self.discard_loaded();
             self.remove_current("another casing was put on the rig before its last tap");
@@ -172,7 +172,7 @@ impl Dialogue {
         true
     }
 
-    /// The casing for which `command` was sent. An error if the rig answers another command, or none was sent.
+    /// The casing for which `command` was sent. An error if another command was sent, or none.
     fn answered(&mut self, command: Command, line: &str) -> Result<u64, String> {
         match self.pending.take() {
             Some(pending) if pending.command == command => {
@@ -180,7 +180,7 @@ impl Dialogue {
                 Ok(pending.casing)
             }
             Some(pending) => Err(format!("the rig has answered {:?} with {:?}", pending.text, one_line(line))),
-            None => Err(format!("the rig has said {:?} unasked", one_line(line))),
+            None => Err(format!("the rig has said {:?} unexpectedly", one_line(line))),
         }
     }
 
@@ -206,7 +206,7 @@ impl Dialogue {
         }
         *count += 1;
         if *count > UNEXPECTED_MAX {
-            return Err(format!("the rig has said more than {UNEXPECTED_MAX} lines unasked within a second"));
+            return Err(format!("the rig has sent more than {UNEXPECTED_MAX} unexpected lines within a second"));
         }
         Ok(())
     }

@@ -76,7 +76,7 @@ impl Dialogue {
         }
     }
 
-    /// Has `tap` of the casing `id`, which the rig says it has made, count as failed for the reason `why`.
+    /// Counts `tap` of the casing `id`, which the rig reported as made, as failed for the reason `why`.
     pub(crate) fn fail(&mut self, id: u64, tap: Tap, why: &str) {
         let station = self.config.station;
         if let Some(current) = self.current.as_mut().filter(|current| current.id == id) {
@@ -105,7 +105,7 @@ impl Dialogue {
         self.away_since = None;
     }
 
-    /// The casings that were passed over since the last call.
+    /// The casings that were skipped since the last call.
     pub(crate) fn take_refusals(&mut self) -> Vec<String> {
         std::mem::take(&mut self.refusals)
     }
@@ -125,7 +125,7 @@ impl Dialogue {
                 format!("the rig at {address}{fault}")
             }
             (Some(name), ..) if let Some(why) = &self.stopped => {
-                format!("the rig {name:?} at {address} to go on: it is stopped ({why})")
+                format!("the rig {name:?} at {address} to continue: it is stopped ({why})")
             }
             (Some(name), Some(_), Some(pending)) => format!("the rig {name:?} at {address} to {}", pending.text),
             (Some(_), Some(Current { step: Step::Hit(..), .. }), None) => "its hit to be heard".to_owned(),

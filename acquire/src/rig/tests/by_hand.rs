@@ -122,12 +122,12 @@ fn rigs_that_send_garbage_are_cut_off() {
     let flood = "casing A\nremoved\n".repeat(50);
     let long = "x".repeat(1000);
     for (says, want) in [
-        ("good day\n", "the rig has said \"good day\", which means nothing here"),
+        ("good day\n", "the rig has said \"good day\", which is not in the protocol"),
         ("ready\n", "the rig has said \"ready\" before hello"),
         ("hello rig 2\n", "the rig speaks version 2 of the protocol; this station speaks 1"),
-        ("hello rig 1\nready\n", "the rig has said \"ready\" unasked"),
-        ("hello rig 1\nhit 1e9\n", "the rig has said \"hit 1e9\", which means nothing here"),
-        (&*format!("hello rig 1\n{flood}"), "the rig has said more than 20 lines unasked within a second"),
+        ("hello rig 1\nready\n", "the rig has said \"ready\" unexpectedly"),
+        ("hello rig 1\nhit 1e9\n", "the rig has said \"hit 1e9\", which is not in the protocol"),
+        (&*format!("hello rig 1\n{flood}"), "the rig has sent more than 20 unexpected lines within a second"),
         (&*long, "the rig has sent a line of more than 256 bytes"),
     ] {
         let mut rig = ByHand::accept(&listener);
@@ -248,7 +248,7 @@ fn a_rig_that_never_does_what_it_is_told_is_an_alarm() {
     // No tap was made: that is told once.
     assert_eq!(away_count, 1);
     let told = |what: &str, command: &str| {
-        vec![format!("the rig does not {what}: it was told {command:?} 3 times in a row, and has not answered")]
+        vec![format!("the rig does not {what}: it was sent {command:?} 3 times in a row and has not answered")]
     };
     let mut want = vec![Vec::new(); 10];
     want[4] = told("move", "move 1 0 0 5");

@@ -13,9 +13,9 @@ use crate::evidence::{ABSENT, Vector, WIDTH};
 /// A variance at or below this is rounding: that of what counts is near 1.
 const VARIANCE_MIN: f64 = 1e-12;
 
-/// The part of each discriminator's variance that is taken to be its own, whatever the reference shows. What two of them hardly ever do
-/// apart, a rogue tap does: without this part one would stand out by it. By less, sound shoulders of rough casings are called more often
-/// than is stated; by more, more faint cracks pass (`docs/rates.md`).
+/// The fraction of each discriminator's variance taken to be its own, whatever the reference shows. What two of them hardly ever do
+/// apart, a rogue tap does, and without this fraction it would stand out. With less, sound shoulders of rough casings are called more
+/// often than stated; with more, more faint cracks pass (`docs/rates.md`).
 const UNRELATED: f64 = 0.1;
 
 /// One row and column a discriminator.

@@ -1,4 +1,4 @@
-//! The level of a turn: what its sound places have in common.
+//! The level of a turn: the common value of its sound places.
 
 use crate::index::fused::{Fused, ROUNDS};
 use crate::shoulder::{Shoulder, Turn};

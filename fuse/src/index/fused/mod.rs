@@ -1,11 +1,11 @@
 //! The default index: levels by turn, robust scales, and means of taps that no rogue tap decides.
 //!
-//! 1. The logarithm of a value is signed so that damage raises it, and taken against the level of its turn: what multiplies
-//!    a whole turn, as a gain that has drifted, is no damage.
+//! 1. The logarithm of a value is signed so that damage raises it, and taken relative to the level of its turn: a factor on
+//!    a whole turn, such as a gain that has drifted, is no damage.
 //! 2. It is divided by the scatter of the reference in its condition and clipped.
-//! 3. The tap of a place that stands out most counts no more than the next one there or beside it bears out: a crack shows in
+//! 3. The tap of a place that stands out most counts only as far as the next one there or nearby confirms: a crack shows in
 //!    several.
-//! 4. The taps of a place at one offset become their mean, each discriminator of standard deviation 1 over sound places.
+//! 4. The taps of a place at one offset are averaged; each discriminator has standard deviation 1 over sound places.
 
 mod level;
 mod offset_scale;
