@@ -17,7 +17,6 @@ pub(crate) mod stage;
 mod stage_process;
 mod stages;
 pub(crate) mod status;
-mod store_silence;
 mod summary;
 pub(crate) mod supervisor;
 

@@ -19,6 +19,9 @@ const RESTARTS_MAX: u32 = 10;
 /// A stage that is restarted this often within this time is in trouble.
 const UNSTEADY: (usize, Duration) = (3, Duration::from_secs(60));
 
+/// A stage that has not looked for work for so long is held up: each does at least once a second.
+const SILENT_AFTER: Duration = Duration::from_secs(5);
+
 /// A stage of the line, across restarts.
 #[derive(Debug)]
 pub(crate) struct StageProcess {
@@ -31,6 +34,9 @@ pub(crate) struct StageProcess {
     is_killed: Cell<bool>,
     /// Whether it ended because the disk of the archive has failed.
     pub(crate) awaits_disk: bool,
+    /// How often it had looked for work when it last had, and when that was; no time before it has since its start.
+    heard: (u32, Option<Instant>),
+    is_silent: bool,
     fruitless_restarts: u32,
     /// When it was last restarted, as often as [`UNSTEADY`] counts.
     restarted_at: VecDeque<Instant>,
@@ -49,6 +55,8 @@ impl StageProcess {
             is_asked_to_end: Cell::new(false),
             is_killed: Cell::new(false),
             awaits_disk: false,
+            heard: (0, None),
+            is_silent: false,
             fruitless_restarts: 0,
             restarted_at: VecDeque::new(),
             restart_count: 0,
@@ -73,6 +81,7 @@ impl StageProcess {
             .with_context(|| format!("cannot start {}", self.name))?;
         self.child = Some(child);
         self.is_killed.set(false);
+        (self.heard.1, self.is_silent) = (None, false);
         Ok(())
     }
 
@@ -134,11 +143,39 @@ impl StageProcess {
         self.spawn()
     }
 
+    /// Notes that it has looked for work so many times; returns an alarm if it has just become silent.
+    pub(crate) fn hear(&mut self, beats: u32) -> Option<String> {
+        let (before, heard_at) = self.heard;
+        if beats != before {
+            self.heard = (beats, Some(Instant::now()));
+            if std::mem::take(&mut self.is_silent) {
+                let silent_s = heard_at.map_or(0.0, |at| at.elapsed().as_secs_f64());
+                tracing::warn!("{} answers again, after {silent_s:.1} s", self.name);
+            }
+            return None;
+        }
+        let is_silent = self.is_running() && heard_at.is_some_and(|at| at.elapsed() > SILENT_AFTER);
+        if !is_silent || self.is_silent {
+            return None;
+        }
+        self.is_silent = true;
+        tracing::error!("{}; the line waits", self.silence());
+        Some(self.silence())
+    }
+
+    fn silence(&self) -> String {
+        let disk = if self.name == "store" { "its disk is slow or hangs, or " } else { "" };
+        format!("{} does not answer: {disk}it is held up", self.name)
+    }
+
     /// What is wrong with it at this moment.
     pub(crate) fn trouble(&self) -> Option<String> {
         let (count, within) = UNSTEADY;
         if self.child.is_none() && !self.is_asked_to_end.get() {
             return Some(format!("{} does not run", self.name));
+        }
+        if self.is_silent {
+            return Some(self.silence());
         }
         let is_unsteady =
             self.restarted_at.len() == count && self.restarted_at.back().is_some_and(|at| at.elapsed() < within);

@@ -105,6 +105,14 @@ impl<'a> Stages<'a> {
         Ok(has_died)
     }
 
+    /// Raises an alarm for each that is held up since.
+    pub(crate) fn listen(&mut self) {
+        for stage in &mut self.all {
+            let beats = self.line.beats(role_of(stage.name()));
+            self.alarms.extend(stage.hear(beats));
+        }
+    }
+
     /// While a stage waits for its disk: releases the output folder, and restarts the stage when that is writable.
     fn look_after_disk(&mut self) -> Result<()> {
         let Some(place) = self.all.iter().position(|stage| stage.awaits_disk) else { return Ok(()) };

@@ -21,7 +21,6 @@ use crate::line::progress_rate::ProgressRate;
 use crate::line::setup::Setup;
 use crate::line::stage::StageReport;
 use crate::line::stages::Stages;
-use crate::line::store_silence::StoreSilence;
 use crate::shown::casing::{CasingStatus, Layout, retaken};
 use crate::shown::rig::Rigs;
 use crate::shown::status::{Alarm, StationStatus, Status};
@@ -131,7 +130,6 @@ pub(crate) struct Supervisor<'a> {
     settled_before: usize,
     /// The rig of each station.
     rigs: Rigs,
-    silence: StoreSilence,
     rate: ProgressRate,
     pace: Pace,
     /// When viewers that have died were last looked for.
@@ -173,7 +171,6 @@ impl<'a> Supervisor<'a> {
             settled_closed: 0,
             settled_before: 0,
             rigs: Rigs::default(),
-            silence: StoreSilence::default(),
             rate: ProgressRate::default(),
             pace: Pace::default(),
         };
@@ -189,6 +186,7 @@ impl<'a> Supervisor<'a> {
             self.line.wait(LOOK_EVERY)?;
             self.receive()?;
             self.is_news |= self.stages.tend(self.stages.every())?;
+            self.stages.listen();
             self.stages.secure()?;
             self.show_if_due()?;
         }
@@ -214,7 +212,6 @@ impl<'a> Supervisor<'a> {
     /// Takes in what `store`, the stations and the command report.
     fn receive(&mut self) -> Result<()> {
         while let Some(record) = self.casings.receive()? {
-            self.silence.end();
             let header = *record.header();
             let number = header.stamp.casing;
             match record.kind() {
@@ -298,9 +295,6 @@ impl<'a> Supervisor<'a> {
             since,
         ) {
             self.stages.note_progress();
-        }
-        if self.silence.has_become_long(!self.open.is_empty()) {
-            self.alarm("store does not answer".to_owned());
         }
         Ok(())
     }
@@ -399,12 +393,8 @@ impl<'a> Supervisor<'a> {
 
     /// What keeps the line from working as it should.
     fn troubles(&self) -> Vec<String> {
-        let is_so = [
-            (self.shown.is_ending, "the line is ending"),
-            (self.silence.is_long(), "store does not answer: its disk is slow or hangs"),
-        ];
-        let is_so = is_so.into_iter().filter(|(is_so, _)| *is_so).map(|(_, text)| text.to_owned());
-        let of_line = self.shown.held_by.clone().into_iter().chain(is_so);
+        let is_ending = self.shown.is_ending.then(|| "the line is ending".to_owned());
+        let of_line = self.shown.held_by.clone().into_iter().chain(is_ending);
         let of_wires = self.audience.wires.as_ref().and_then(Wires::trouble);
         let of_receivers = self.shown.receivers.iter().filter_map(|receiver| receiver.trouble.clone());
         of_line.chain(self.stages.troubles()).chain(of_wires).chain(of_receivers).collect()

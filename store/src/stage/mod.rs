@@ -116,8 +116,6 @@ struct StageLoop<'a> {
     /// Whether another stage waits for the next flush.
     is_urgent: bool,
     flushed_at: Instant,
-    /// When the supervisor was last sent a regular report.
-    heard_at: Instant,
     /// Number of times that `fuse` was restarted.
     fuse_generation: u64,
     outcome: Outcome,
@@ -143,7 +141,6 @@ impl<'a> StageLoop<'a> {
             unflushed_taps: 0,
             is_urgent: false,
             flushed_at: now,
-            heard_at: now,
             fuse_generation: 0,
             outcome: Outcome::default(),
         })

@@ -104,13 +104,6 @@ impl StageLoop<'_> {
     /// Sends what is due. It must never wait, because a receiver may be waiting for this stage.
     pub(super) fn send_notices(&mut self) -> Result<(), RunError> {
         let (lost_count, is_held) = (self.lost_count(), self.is_held);
-        if self.heard_at.elapsed() >= SUPERVISOR_EVERY
-            && let Some(casing) = self.open.first_mut()
-        {
-            // Also without progress, so that the supervisor knows that this process is alive.
-            self.heard_at = Instant::now();
-            (casing.supervisor.ledger, casing.supervisor_sent_at) = (true, None);
-        }
         let Self { notices, open, line, .. } = self;
         notices.is_pending = false;
         for receiver in &mut notices.receivers {

@@ -120,12 +120,24 @@ impl Line {
     /// # Errors
     /// [`LineError::File`] when the system refuses.
     pub fn wait(&self, timeout: Duration) -> Result<bool, LineError> {
+        self.beat();
         let is_quiet = !timeout.is_zero() && self.mailbox.count() == self.seen.get();
         if is_quiet {
             self.mailbox.sleep(self.seen.get(), timeout.min(WAIT_MAX))?;
         }
         self.seen.set(self.mailbox.count());
         Ok(is_quiet)
+    }
+
+    /// Shows that this process is not held up: it looks for work.
+    pub(crate) fn beat(&self) {
+        self.mailbox.beat();
+    }
+
+    /// How often the process in `role` has looked for work; one that does so less than once in some seconds is held up. 0 if nobody
+    /// has been in this role.
+    pub fn beats(&self, role: Role) -> u32 {
+        self.to(role, Mailbox::beats).unwrap_or(0)
     }
 
     /// Lets the next wait end at once: an earlier wait for something else may have consumed its notification.
@@ -136,12 +148,12 @@ impl Line {
     /// Notifies `role` that there is something to do: a record, a subscriber that has joined, a request to end. One that has
     /// not joined yet looks when it does.
     pub fn notify(&self, role: Role) {
-        self.to(role, Mailbox::notify);
+        self.to(role, Mailbox::notify).unwrap_or_default();
     }
 
     /// Tells `role` that this process is READY, in answer to the handshake with this number.
     pub(crate) fn answer(&self, role: Role, handshake: u64) {
-        self.to(role, |mailbox| mailbox.answer(self.role, handshake));
+        self.to(role, |mailbox| mailbox.answer(self.role, handshake)).unwrap_or_default();
     }
 
     /// Whether `role` has answered the handshake with this number; each answer is returned once.
@@ -149,16 +161,20 @@ impl Line {
         self.mailbox.take_answer(role, handshake)
     }
 
-    fn to(&self, role: Role, act: impl FnOnce(&Mailbox)) {
+    /// What `act` returns of the mailbox of `role`; `None` if that cannot be opened.
+    fn to<R>(&self, role: Role, act: impl FnOnce(&Mailbox) -> R) -> Option<R> {
         let mut mailboxes = self.mailboxes.borrow_mut();
         let mailbox = match mailboxes.entry(role) {
             Entry::Occupied(entry) => entry.into_mut(),
             Entry::Vacant(entry) => match Mailbox::open(&self.address, role, &self.limits) {
                 Ok(mailbox) => entry.insert(mailbox),
-                Err(error) => return tracing::warn!(%error, "cannot notify {}", role.name()),
+                Err(error) => {
+                    tracing::warn!(%error, "cannot notify {}", role.name());
+                    return None;
+                }
             },
         };
-        act(mailbox);
+        Some(act(mailbox))
     }
 
     /// A handle with which worker threads wake this process.

@@ -38,6 +38,8 @@ struct Words<'a> {
     count: &'a AtomicU32,
     /// Whether the process sleeps.
     is_asleep: &'a AtomicU32,
+    /// How often the process has looked for work: one that stands still is held up.
+    beats: &'a AtomicU32,
     /// For each role the handshakes that it has answered and whose answers were not taken, a bit each.
     answers: &'a [AtomicU32],
 }
@@ -46,7 +48,7 @@ impl Mailbox {
     /// Opens the mailbox of `role` in the line at `address`, or makes it.
     pub(crate) fn open(address: &LineAddress, role: Role, limits: &Limits) -> Result<Self, LineError> {
         let path = Path::new(SHM).join(format!("{}mailbox-{}", address.prefix(), role.name()));
-        let byte_count = (2 + Role::count(limits)) * size_of::<u32>();
+        let byte_count = (3 + Role::count(limits)) * size_of::<u32>();
         let map = || -> Result<MmapRaw, LineError> {
             let flags = OFlags::CREATE | OFlags::RDWR | OFlags::NOFOLLOW | OFlags::CLOEXEC;
             let io = |error: Errno| LineError::io(&path, error);
@@ -68,7 +70,7 @@ impl Mailbox {
         // SAFETY: the mapping begins at a page, lives as long as `self`, and is touched as atomics alone, of
         // which any bits are a value. The file is closed to other users, and no process of a line makes it shorter.
         let words = unsafe { std::slice::from_raw_parts(self.map.as_ptr().cast::<AtomicU32>(), self.map.len() / 4) };
-        Words { count: &words[0], is_asleep: &words[1], answers: &words[2..] }
+        Words { count: &words[0], is_asleep: &words[1], beats: &words[2], answers: &words[3..] }
     }
 
     /// Wakes the process if it sleeps; otherwise its next sleep ends at once.
@@ -86,6 +88,16 @@ impl Mailbox {
     /// Number of notifications so far.
     pub(crate) fn count(&self) -> u32 {
         self.words().count.load(Ordering::SeqCst)
+    }
+
+    /// Shows that the process is not held up.
+    pub(crate) fn beat(&self) {
+        self.words().beats.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// How often it has shown that.
+    pub(crate) fn beats(&self) -> u32 {
+        self.words().beats.load(Ordering::Relaxed)
     }
 
     /// Sleeps until there are more notifications than `seen`, until `timeout` passes, or until the process is interrupted.

@@ -72,7 +72,10 @@ impl<'l, T: Topic> Subscriber<'l, T> {
     pub fn receive(&self) -> Result<Option<Received<T>>, LineError> {
         loop {
             let sample = self.port.receive().map_err(|e| LineError::shared(format!("receiving on {}", T::NAME), e))?;
-            let Some(sample) = sample else { return Ok(None) };
+            let Some(sample) = sample else {
+                self.line.beat();
+                return Ok(None);
+            };
             let stamp = *sample.user_header().stamp();
             if T::DELIVERY == Delivery::Newest {
                 return Ok(Some(Received { sample, topic: PhantomData }));
