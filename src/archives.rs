@@ -65,13 +65,18 @@ impl Archives {
     /// The files at `paths`, each once, in the order in which they are named; files of a folder in alphabetical order.
     ///
     /// # Errors
-    /// A path that does not exist, a folder without such a file, or a system error.
+    /// The only path does not exist, a folder without such a file, or a system error.
     pub(crate) fn find<P: AsRef<Path>>(paths: &[P], which: Which) -> Result<Self> {
         let mut found = Self { is_many: paths.len() > 1, ..Self::default() };
         let mut known = BTreeSet::new();
         for path in paths.iter().map(AsRef::as_ref) {
-            let there = path.metadata().with_context(|| format!("cannot read {}", path.display()))?;
-            let files = match there.is_dir() {
+            // Of several, one that is not there is left out like one that cannot be read.
+            let is_folder = match path.metadata() {
+                Ok(there) => there.is_dir(),
+                Err(_) if found.is_many => false,
+                Err(error) => return Err(error).with_context(|| format!("cannot read {}", path.display())),
+            };
+            let files = match is_folder {
                 true => {
                     found.is_many = true;
                     found.in_folder(path, which)?

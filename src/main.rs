@@ -42,6 +42,9 @@ const INCOMPLETE: u8 = 3;
 fn main() -> ExitCode {
     let cli = Cli::parse();
     log::start(cli.log, draws(&cli.verb).then_some(LevelFilter::OFF));
+    if makes_files(&cli.verb) {
+        tapline_host::stdout::drop_unread();
+    }
     match begin(&cli.verb).and_then(|()| dispatch(&cli.verb)) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(INCOMPLETE),
@@ -63,6 +66,15 @@ fn main() -> ExitCode {
 /// Whether `verb` draws on the terminal, where a log would spoil the picture.
 fn draws(verb: &Verb) -> bool {
     cfg!(feature = "alsa") && matches!(verb, Verb::Monitor { .. })
+}
+
+/// Whether what `verb` prints only goes along with the files that it makes.
+fn makes_files(verb: &Verb) -> bool {
+    match verb {
+        Verb::Export(args) => args.out.is_some(),
+        Verb::Report(_) | Verb::Reprocess { .. } | Verb::Repack { .. } | Verb::Import(_) | Verb::Reference(_) => true,
+        _ => false,
+    }
 }
 
 /// Whether `verb` succeeds although its reader has gone, as `head` does: only if it just prints. `verify` also

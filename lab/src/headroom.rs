@@ -16,6 +16,7 @@ use clap::Args;
 use serde_json::{Value, json};
 use tapline_host::memory;
 use tapline_host::progress::{Progress, Unit};
+use tapline_host::stdout::Stdout;
 use tapline_host::table::table;
 
 use crate::line_cost::{LineCost, Pace, run_command};
@@ -114,7 +115,7 @@ pub fn headroom(args: &HeadroomArgs) -> Result<()> {
     ];
     let of_tap_us = (resources[0].of_station - listening_percent) * 1e4 / taps_per_s;
     let least = resources.iter().min_by(|a, b| a.stations().total_cmp(&b.stations())).context("there are resources")?;
-    let mut out = std::io::stdout().lock();
+    let mut out = Stdout;
     if *json {
         let each = resources.iter().map(|of| {
             json!({

@@ -9,6 +9,7 @@ use tapline_host::arguments::{ForceArgs, LogArgs};
 use tapline_host::atomic_file::check_folder;
 use tapline_host::messages::print_failure;
 use tapline_host::signals::end_on_signals;
+use tapline_host::stdout::Stdout;
 use tapline_host::{generated, log};
 use tapline_lab::chart::ChartArgs;
 use tapline_lab::headroom::HeadroomArgs;
@@ -105,6 +106,7 @@ fn main() -> ExitCode {
     }
     let cli = Cli::parse();
     log::start(cli.log, None);
+    tapline_host::stdout::drop_unread();
     match end_on_signals().context("cannot listen to signals").and_then(|()| dispatch(&cli.verb)) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(INCOMPLETE),
@@ -126,8 +128,9 @@ fn dispatch(verb: &Verb) -> Result<bool> {
         Verb::Figures { out, figure, written } => figures::figures(out, *figure, *written),
         Verb::Estimators { out, written } => estimators::write(out, *written),
         Verb::Stability { out, written } => stability::write(out, *written),
-        Verb::Completions { shell } => generated::completions(Cli::command(), *shell, &mut std::io::stdout().lock())
-            .context("cannot write to standard output"),
+        Verb::Completions { shell } => {
+            generated::completions(Cli::command(), *shell, &mut Stdout).context("cannot write to standard output")
+        }
         Verb::Man { folder, force } => {
             check_folder(folder, force.existing())?;
             Ok(generated::manual(Cli::command(), folder)?)

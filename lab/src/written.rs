@@ -1,6 +1,6 @@
 //! Files that a verb writes, and what it prints of them.
 
-use std::io::{self, Write as _};
+use std::io::Write as _;
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result};
@@ -8,6 +8,7 @@ use clap::Args;
 use serde_json::json;
 use tapline_host::arguments::ForceArgs;
 use tapline_host::atomic_file::{check_writable, write_texts};
+use tapline_host::stdout::Stdout;
 
 /// How a verb writes its files.
 #[derive(Debug, Clone, Copy, Default, Args)]
@@ -34,7 +35,7 @@ impl WrittenArgs {
     /// An error of the file system, or a file that is not to be replaced.
     pub(crate) fn write(self, files: &[(PathBuf, String)]) -> Result<()> {
         write_texts(files, self.force.existing())?;
-        let mut out = io::stdout().lock();
+        let mut out = Stdout;
         files.iter().try_for_each(|(path, _)| {
             let path = path.display().to_string();
             writeln!(out, "{}", if self.json { json!({ "file": path }).to_string() } else { path })

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use anyhow::{Context as _, Result};
 use clap::{Parser, Subcommand};
 use tapline_host::messages::{print_failure, print_line};
+use tapline_host::stdout::{self, Stdout};
 use tapline_query::Place;
 use tapline_query::cluster::{Executor, Scheduler};
 use tapline_query::copy::Copied;
@@ -55,6 +56,8 @@ fn main() -> ExitCode {
     match runtime.block_on(dispatch(cli.verb)) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(INCOMPLETE),
+        // Who read it has had enough, as `head` has.
+        Err(_) if stdout::fault() == Some(io::ErrorKind::BrokenPipe) => ExitCode::SUCCESS,
         Err(error) => {
             print_failure("tapline-query", error.as_ref());
             runtime.block_on(tapline_query::plan::settle());
@@ -66,7 +69,7 @@ fn main() -> ExitCode {
 /// Whether all was done.
 async fn dispatch(verb: Verb) -> Result<bool> {
     match verb {
-        Verb::Sql(question) => sql::answer(&question, &mut io::stdout().lock()).await.map(|()| true),
+        Verb::Sql(question) => sql::answer(&question, &mut Stdout).await.map(|()| true),
         Verb::Reprocess(order) => reprocess(&order).await,
         Verb::Copy { places, to } => copy(&places, &to).await,
         Verb::Scheduler(scheduler) => scheduler.run().await.map(|()| true),

@@ -11,6 +11,7 @@ use datafusion::arrow::json::LineDelimitedWriter;
 use datafusion::arrow::util::pretty::pretty_format_batches;
 use datafusion::common::tree_node::{TreeNode as _, TreeNodeRecursion};
 use datafusion::datasource::listing::ListingTableUrl;
+use datafusion::execution::context::SQLOptions;
 use datafusion::logical_expr::LogicalPlan;
 use datafusion::prelude::SessionContext;
 use futures_util::TryStreamExt as _;
@@ -76,7 +77,9 @@ pub async fn answer(question: &Question, out: &mut impl Write) -> Result<()> {
     let files = find(places, question.is_results).await?;
     let context = engine.connect().await?;
     register(&context, &files, usize::from(*files_per_task))?;
-    let frame = context.sql(&question.sql).await.with_context(|| {
+    // Nothing that is created or set outlasts the question; COPY counts as DML.
+    let options = SQLOptions::new().with_allow_ddl(false).with_allow_statements(false);
+    let frame = context.sql_with_options(&question.sql, options).await.with_context(|| {
         let tables: Vec<&str> = Export::ALL.into_iter().map(sql_name).collect();
         format!("cannot plan {:?} over the tables {}", question.sql, tables.join(", "))
     })?;

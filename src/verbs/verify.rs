@@ -63,7 +63,18 @@ fn report_unreadable(archive: &Path, why: &str, as_json: bool) -> Result<bool> {
     let mut out = Stdout;
     match as_json {
         true => {
-            let text = json!({ "archive": archive.display().to_string(), "problems": [why], "is_complete": false });
+            let text = json!({
+                "archive": archive.display().to_string(),
+                "plan_digest": null,
+                "archived": null,
+                "refused": null,
+                "missing": null,
+                "scans": null,
+                "is_judged": null,
+                "problems": [why],
+                "is_finished": null,
+                "is_complete": false,
+            });
             writeln!(out, "{text}")?;
         }
         false => writeln!(out, "{why}\n{}: UNREADABLE", archive.display())?,

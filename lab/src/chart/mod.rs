@@ -17,12 +17,13 @@ mod table;
 mod words;
 
 use std::cell::{OnceCell, RefCell};
-use std::io::{self, Write as _};
+use std::io::Write as _;
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use tapline_host::arguments::ForceArgs;
 use tapline_host::atomic_file::{check_folder, write_texts};
+use tapline_host::stdout::Stdout;
 
 use self::casings::Group;
 use self::panel::{Panel, Skipped};
@@ -158,7 +159,7 @@ fn files(panels: &[Panel], skipped: &[Skipped], provenance: &Provenance) -> Resu
 
 /// Prints each default with where it stands.
 fn print_defaults(panels: &[Panel]) -> Result<()> {
-    let mut out = io::stdout().lock();
+    let mut out = Stdout;
     for row in words::defaults(panels) {
         writeln!(out, "{}, {}: {}: {}", row.panel, row.facet, row.default, row.words)?;
     }

@@ -1,15 +1,16 @@
 //! Tables as text or JSON on the terminal, and as a page with their figures.
 
-use std::io::{self, Write as _};
+use std::io::Write as _;
 
 use anyhow::Result;
 use serde_json::{Map, Value};
+use tapline_host::stdout::Stdout;
 
 use crate::evaluation::{Picture, Table};
 
 /// Prints `tables`: as one JSON object of all, or as text without the long ones.
 pub(crate) fn print_tables(tables: &[Table], as_json: bool) -> Result<()> {
-    let mut out = io::stdout().lock();
+    let mut out = Stdout;
     if as_json {
         let each = tables.iter().map(|table| (table.name.to_owned(), table.json()));
         writeln!(out, "{:#}", Value::Object(each.collect::<Map<_, _>>()))?;

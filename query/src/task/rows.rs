@@ -8,6 +8,7 @@ use datafusion::arrow::array::{
 };
 use datafusion::arrow::datatypes::SchemaRef;
 use tapline_export::{Export, Values, read_values};
+use tapline_host::messages::print_line;
 use tapline_store::Reader;
 
 /// The columns of a batch of rows, without those that every table has.
@@ -45,6 +46,7 @@ pub(crate) fn batches(
     let (rows, error) = match rows {
         Ok(rows) => (rows, None),
         Err(error) => {
+            print_line(&format!("tapline-query: {name}: {error}"));
             let absent = |field: &Arc<_>| new_null_array(datafusion::arrow::datatypes::Field::data_type(field), 1);
             (vec![schema.fields()[1..schema.fields().len() - 2].iter().map(absent).collect()], Some(error))
         }
