@@ -4,7 +4,7 @@
 //! `cargo run --release -p tapline-codec --example table -- FOLDERS-OF-TAP-SETS`
 //!
 //! The samples stay in `target/codec`, for `codec/examples/c_blosc2.py`, which prints the same of c-blosc2.
-#![expect(clippy::unwrap_used, clippy::print_stdout, reason = "an example that cannot go on has failed")]
+#![expect(clippy::unwrap_used, clippy::print_stdout, reason = "an example that cannot continue has failed")]
 #![expect(unsafe_code, reason = "the C library, with settings that the crate does not use")]
 
 use std::ffi::CStr;

@@ -1,4 +1,4 @@
-//! The checksum of a packed chunk. It is checked at every reading, and costs a tenth of a cryptographic hash.
+//! The checksum of a packed chunk. It is checked at every read, and costs a tenth of a cryptographic hash.
 
 use twox_hash::XxHash3_64;
 

@@ -1,4 +1,4 @@
-//! The codecs: samples as they are, or packed by a registered filter of HDF5.
+//! The codecs: samples as they are, or packed with a registered filter of HDF5.
 #![expect(unsafe_code, reason = "Blosc is a C library")]
 
 use std::ffi::CStr;
@@ -42,7 +42,7 @@ impl Codec {
         Self::ALL.into_iter().find(|codec| codec.name() == name)
     }
 
-    /// Whether a running line can use it: the HDF5 library alone packs by the others, one record after another.
+    /// Whether a running line can use it: only the HDF5 library packs with the others, one record after another.
     pub fn is_for_lines(self) -> bool {
         matches!(self, Self::None | Self::Lz4 | Self::Zstd)
     }
@@ -131,9 +131,9 @@ fn pack_by_library(
     packed.truncate(length);
 }
 
-/// Unpacks `parts` of the samples, which must be ascending and may come with bytes around them, from `packed`, which [`pack`] or
-/// the filter of `codec` packed. They are written to their offsets in `samples`, which are all samples. Returns false if
-/// `packed` is corrupt or its samples are not as long as `samples`. `planes` is a buffer for reuse.
+/// Unpacks `parts` of the samples, in ascending order, from `packed`, which [`pack`] or the filter of `codec` packed;
+/// bytes around them may be unpacked too. They go to their offsets in `samples`, which holds all samples. Returns false
+/// if `packed` is corrupt or its samples are not as long as `samples`. `planes` is a buffer for reuse.
 #[must_use]
 pub fn unpack(
     codec: Codec,

@@ -1,6 +1,6 @@
 //! Planes of bits as a block of LZ4.
 //!
-//! Converter counts of 16 bits repeat at two distances alone: a plane of high bits repeats the plane before it, because both
+//! 16-bit converter counts repeat at only two distances: a plane of high bits repeats the plane before it, because both
 //! are the sign, and where there is silence every byte of a plane repeats the byte before. [`pack`] compares there and nowhere
 //! else, which packs as well as LZ4's own search in a fraction of the time. Floating-point samples also repeat elsewhere:
 //! [`pack_by_search`] is LZ4's search. Any LZ4 decoder unpacks either.

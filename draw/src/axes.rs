@@ -1,4 +1,4 @@
-//! A pair of axes, in the only style that axes have.
+//! A pair of axes, in the one style that all axes have.
 
 use anyhow::Result;
 use plotters::coord::types::RangedCoordf64;

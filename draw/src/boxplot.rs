@@ -11,7 +11,7 @@ use crate::stats::{mean, median, quantile};
 /// Longest whisker, in heights of the box.
 const WHISKER_MAX: f64 = 1.5;
 
-/// Most outliers that are drawn; of more, every second or third, because they overlap.
+/// Maximum number of outliers drawn; of more, only every second or third, because they overlap.
 const OUTLIERS_DRAWN_MAX: usize = 400;
 
 /// The numbers that the box of a list shows.

@@ -51,7 +51,7 @@ pub fn number(value: f64) -> String {
     format!("{}", (value * 1e6).round() / 1e6 + 0.0).replace('-', "\u{2212}")
 }
 
-/// `exponent` as it stands above a line.
+/// `exponent` as a superscript.
 pub fn superscript(exponent: i32) -> String {
     let raised = |digit: char| match digit {
         '-' => '\u{207b}',

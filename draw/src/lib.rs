@@ -6,7 +6,7 @@
 //! - [`palette`]: colours of curves, which colour-blind people distinguish.
 //! - [`scale`]: where a value lies along an axis, and its ticks.
 //! - [`stats`]: summary statistics of a list of values.
-//! - [`record`]: one channel of a record in its unit, and the density of its power.
+//! - [`record`]: one channel of a record in its unit, and its power spectral density.
 
 pub mod axes;
 pub mod boxplot;

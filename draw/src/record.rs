@@ -1,4 +1,4 @@
-//! One channel of one record, in its unit and without its baseline, and the density of its power.
+//! One channel of one record, in its unit and without its baseline, and its power spectral density.
 
 use anyhow::{Context as _, Result};
 use realfft::RealFftPlanner;
@@ -6,7 +6,7 @@ use tapline_wire::{Channel, Samples, TapHeader};
 
 use crate::stats::median;
 
-/// The channel `kind` of a record in N or V; `None` if it is absent, has no samples, or has a sample that is not a
+/// The channel `kind` of a record in its unit; `None` if it is absent, has no samples, or has a sample that is not a
 /// number.
 ///
 /// The baseline is the median of the first three quarters before the trigger, as in the discriminators; of all samples

@@ -1,8 +1,8 @@
-//! A scale: where a value lies along an axis, linear or logarithmic, and the ticks that people read it by.
+//! A scale: where a value lies along an axis, linear or logarithmic, and its ticks.
 
 use crate::canvas::{Point, number, superscript};
 
-/// Decades from which on a logarithmic scale has its ticks at powers of ten alone.
+/// Number of decades above which a logarithmic scale has ticks only at powers of ten.
 const DECADES_MANY: f64 = 2.5;
 /// Decades up to which it has the ticks of a linear one.
 const DECADES_FEW: f64 = 0.8;
@@ -63,8 +63,8 @@ impl Scale {
         if self.is_log { 10.0_f64.powf(place) } else { place }
     }
 
-    /// Where `value` lies between the ends, 0 to 1, and not beyond them. On a logarithmic scale what is not above 0 lies at the
-    /// beginning; what is not a number lies there too.
+    /// Where `value` lies between the ends, from 0 to 1. On a logarithmic scale, a value not above 0 lies at the
+    /// beginning; NaN lies there too.
     pub fn part(&self, value: f64) -> f64 {
         let place = if self.is_log { value.log10() } else { value };
         let part = (place - self.low) / (self.high - self.low);

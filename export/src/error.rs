@@ -42,7 +42,7 @@ pub enum Error {
         path: PathBuf,
     },
     /// There are no taps to export, or none that can be read.
-    #[error("{} holds readable samples of none of its {tap_count} planned taps", path.display())]
+    #[error("{} has readable samples for none of its {tap_count} planned taps", path.display())]
     NoSamples {
         /// The archive.
         path: PathBuf,

@@ -66,7 +66,7 @@ impl Draft {
     /// Renames the folder to its final name.
     pub(crate) fn finish(self) -> Result<()> {
         // This replaces an empty folder, but not one that was filled meanwhile.
-        fs::rename(&self.draft, &self.folder).context("put in place the folder", &self.folder)
+        fs::rename(&self.draft, &self.folder).context("rename the folder to", &self.folder)
     }
 }
 

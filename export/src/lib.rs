@@ -75,7 +75,7 @@ impl Export {
 /// What taps are exported as.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum TapFormat {
-    /// A tap set, with a WAV a tap, and with the configuration of the run and the reference that it had.
+    /// A tap set, with one WAV per tap, and with the configuration of the run and the reference that it had.
     Wav,
     /// Universal Files.
     Uff(UffEncoding),
@@ -102,7 +102,7 @@ pub fn columns(table: Export) -> Vec<ColumnInfo> {
     tables::describe(table)
 }
 
-/// Hands the rows of `table` of the archive to `take`, some thousand at a time, as the values of each of its [`columns`].
+/// Hands the rows of `table` of the archive to `take`, thousands at a time, as the values of each of its [`columns`].
 ///
 /// # Errors
 /// An error of reading the archive.

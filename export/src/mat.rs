@@ -1,8 +1,8 @@
 //! The taps of an archive as MATLAB files of version 7, which MATLAB, Octave and scipy open.
 //!
 //! There is one file for each shoulder. `force` and `sound` are matrices of floats with a column for each tap, in `force_unit` and
-//! `sound_unit` (FS is part of full scale, where the scale is not known); each column of
-//! the list of taps that is a number is a row vector with an element for each of these. A tap with fewer samples than the longest
+//! `sound_unit` (FS is a fraction of full scale, if the scale is not known); the location, angle and other numbers of
+//! the taps are row vectors with an element for each. A tap with fewer samples than the longest
 //! ends with NaN. Beside the files, `taps.csv` lists every planned tap, with its column or why it has none.
 //!
 //! Source: MathWorks, *MAT-File Format*.
@@ -146,7 +146,7 @@ impl Columns {
     }
 }
 
-/// Writes a matrix of `shape`, whose values come column by column, packed.
+/// Writes a packed matrix, whose values come column by column.
 fn variable<const N: usize>(
     out: &mut BufWriter<File>,
     name: &str,

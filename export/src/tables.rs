@@ -76,7 +76,7 @@ fn discriminator_columns<'a>(name: Option<&str>, units: [Option<String>; 2]) -> 
     let mut columns = tap_columns(name, |row: &FoundRow<'_>| row.tap);
     columns.push(Column::u16("attempt", |row: &FoundRow<'_>| row.found.id.attempt));
     columns.extend(Discriminator::ALL.map(|which| {
-        // Archives of one table may differ in the others: they have columns of their own.
+        // The other units may differ between archives of one table: they have columns of their own.
         let unit = which.fixed_unit().unwrap_or_default();
         Column::f64(which.column(), unit, move |row: &FoundRow<'_>| row.found.values.get(which))
     }));

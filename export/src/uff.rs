@@ -1,7 +1,7 @@
 //! The taps of an archive as Universal Files: dataset 58, functions of time, in SI units.
 //!
 //! A file begins with datasets 151 (header) and 164 (SI units); then every
-//! channel of every tap is a dataset, force in N and sound in V, with time 0 at the trigger. This format has six digits for the
+//! channel of every tap is a dataset, in its unit, with time 0 at the trigger. This format has six digits for the
 //! time step: the exact rate is in ID line 5.
 //!
 //! Source: the records of datasets 58, 58b, 151 and 164 as the Structural Dynamics Research Laboratory of the University of

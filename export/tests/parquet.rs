@@ -101,7 +101,7 @@ fn units_bits_and_origin_are_in_the_file() {
         // Units that follow from the scale of a channel are in columns of their own.
         let is_scaled = ["f_max", "a_1", "a_2", "p_f", "e_f"].contains(&field.name().as_str());
         assert_eq!(unit.is_some(), *field.data_type() == DataType::Float64 && !is_scaled, "{field}");
-        // The unit is the suffix of the name, spelt otherwise.
+        // The unit is the suffix of the name, spelt differently.
         let ends = [("_s", "s"), ("_hz", "Hz")];
         let ends = ends.into_iter().chain([("_mm", "mm"), ("_m_per_s", "m/s"), ("_deg", "deg"), ("pr", "1")]);
         let longest = ends.filter(|(end, _)| field.name().ends_with(end)).max_by_key(|(end, _)| end.len());

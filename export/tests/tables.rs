@@ -87,7 +87,7 @@ fn tables_to_the_letter() {
     assert_eq!(lines[10], "2,A\u{e9}-1,2,,1.85,4,,0,missing,,,0,,acquire");
 }
 
-/// Catches columns that are described otherwise than they are read, and a value that is not the CSV's.
+/// Catches columns that are described differently from what is read, and a value that is not the CSV's.
 #[test]
 fn values_are_those_of_the_csv() {
     let _guard = crate::common::beside_others();

@@ -1,4 +1,4 @@
-//! `import.toml`: what recordings do not say of themselves.
+//! `import.toml`: what recordings do not say about themselves.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -59,7 +59,7 @@ pub(crate) struct Cut {
     pub sample_count: u32,
     /// The channel that shows the taps; the force, if there is one.
     pub channel: Option<Channel>,
-    /// Its level is a part of the largest sample there can be, or, of floats, there is.
+    /// Its level is a fraction of the largest possible sample, or of the largest found for floats.
     #[serde(default)]
     pub trigger: TriggerConfig,
 }
@@ -116,7 +116,7 @@ impl Config {
         if let (Some(force), Some(sound)) = (&self.channels.force, &self.channels.sound)
             && force == sound
         {
-            return Err(format!("channels.sound is {sound}; it must be another than channels.force"));
+            return Err(format!("channels.sound is {sound}; it must differ from channels.force"));
         }
         if self.channels().next().is_none() {
             return Err(
@@ -124,15 +124,15 @@ impl Config {
             );
         }
         if self.name.is_some() && self.table.is_some() {
-            return Err("there are name and table; there must be one of them, or none".to_owned());
+            return Err("there are both name and table; there must be one of them, or none".to_owned());
         }
         if self.plan.is_some() && self.table.is_some() {
-            return Err("there are plan and table; both list the taps, and there must be one of them".to_owned());
+            return Err("there are both plan and table; each lists the taps, so only one may be there".to_owned());
         }
         match (&self.cut, &self.plan) {
             (Some(cut), _) => self.check_cut(cut)?,
             (None, Some(_)) => {
-                return Err("there is a plan, but no [cut] for the records that are cut by it".to_owned());
+                return Err("there is a plan, but no [cut] that cuts the records into its taps".to_owned());
             }
             (None, None) => {}
         }
@@ -155,7 +155,7 @@ impl Config {
         cut.trigger.validate("cut.trigger").map_err(|error| error.to_string())?;
         let before = self
             .pre_trigger_samples
-            .ok_or("pre_trigger_samples is missing; a record is cut so many before each trigger")?;
+            .ok_or("pre_trigger_samples is missing; a record is cut that many before each trigger")?;
         if cut.sample_count <= before || u64::from(cut.sample_count) > TAP_SAMPLES_MAX {
             return Err(format!(
                 "cut.sample_count is {}; it must be above pre_trigger_samples = {before} and at most {TAP_SAMPLES_MAX}",

@@ -9,7 +9,7 @@ use crate::series::{Series, Stored};
 /// The taps of a record, each `before` samples before its trigger and as long as `cut` says; a tap at an end of the record may lack
 /// some.
 ///
-/// There must be `planned` of them: were one missed, all behind it would be taken for their neighbours.
+/// There must be `planned` of them: if one were missed, all after it would be taken for their neighbours.
 pub(crate) fn cut(
     series: &[Series],
     channel: usize,

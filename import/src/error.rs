@@ -71,7 +71,7 @@ pub(crate) enum Fault {
     #[error("has no samples")]
     Empty,
     /// It has, or says it has, more than are taken.
-    #[error("has {samples} samples a channel; at most {most} are taken")]
+    #[error("has {samples} samples per channel; at most {most} are read")]
     TooMany {
         /// How many.
         samples: u64,

@@ -46,7 +46,7 @@ pub fn write_example(folder: &Path) -> Result<(Vec<PathBuf>, PathBuf)> {
     }
     let config = folder.join("import.toml");
     let text = format!(
-        "# The recordings of a shoulder, one WAV a tap: channel 1 is the force, channel 2 the microphone.
+        "# The recordings of a shoulder, one WAV per tap: channel 1 is the force, channel 2 the microphone.
 name = \"{{tyre}}_{{shoulder}}_{{location}}.wav\"
 channels = {{ force = 1, sound = 2 }}
 pre_trigger_samples = {}     # samples in each file before the impact

@@ -34,7 +34,7 @@ pub use example::write_example;
 /// Most reasons that are listed if no tap can be imported.
 const REASONS_MAX: usize = 3;
 
-/// Largest difference of two rates, as a fraction, that are meant to be one: rates from a time step have six digits.
+/// Largest relative difference of two rates that count as the same: rates from a time step have six digits.
 const RATE_ERROR: f64 = 1e-5;
 
 /// What an import did.
@@ -44,14 +44,14 @@ pub struct Imported {
     pub written: usize,
     /// Taps that could not be read, and why: they are listed as refused.
     pub refused: Vec<String>,
-    /// Files whose parts would tell their taps and that could not be read, and why: none of their taps is in the set.
+    /// Files that could not be read, though their parts name their taps, and why: none of their taps is in the set.
     pub unread: Vec<String>,
     /// Channels whose samples have no known scale, and the unit that their files name.
     pub unscaled: Vec<(&'static str, Option<String>)>,
 }
 
 /// Reads the taps of `files` as the configuration at `config` says, and writes them as the tap set `out`, a new or empty folder.
-/// `progress` is told how many recordings are done, and of how many.
+/// `progress` gets the number of recordings that are done, and of all.
 ///
 /// # Errors
 /// [`Error`] if the configuration or a table is wrong, if no tap can be read, or if the set cannot be written; nothing is left
@@ -109,8 +109,8 @@ fn read<'a>(
     }
     let lengths: Vec<usize> = all.iter().map(|(_, series)| series.samples.len()).collect();
     if lengths.iter().any(|length| Some(length) != lengths.first()) {
-        let bound = format!("the channels of a tap must be as long; they have {lengths:?}");
-        return Err(Fault::Contradiction { what: "the number of samples", value: "not one".to_owned(), bound });
+        let bound = format!("the channels of a tap must be equally long; they have {lengths:?}");
+        return Err(Fault::Contradiction { what: "the number of samples", value: "not the same".to_owned(), bound });
     }
     let (scales, sample_rate_hz) = (scales_of(&all, config, alike)?, rate_of(&all, config, alike)?);
     let series: Vec<Series> = all.into_iter().map(|(_, series)| series).collect();
@@ -171,7 +171,7 @@ fn rate_of(all: &[(Channel, Series)], config: &Config, alike: &mut Alike) -> Res
         if let Some((Some(known_hz), of)) =
             known.into_iter().find(|(known, _)| known.is_some_and(|known| differs(rate_hz, known)))
         {
-            let bound = format!("by {of} it is {known_hz} Hz");
+            let bound = format!("in {of} it is {known_hz} Hz");
             return Err(Fault::Contradiction { what: "the sample rate", value: format!("{rate_hz} Hz"), bound });
         }
         if !(1.0..=SAMPLE_RATE_HZ_MAX).contains(&rate_hz) {
@@ -196,7 +196,7 @@ fn check_pre_trigger(series: &[Series], config: &Config, alike: &mut Alike) -> R
     };
     let known = *alike.pre_trigger_samples.get_or_insert(before);
     if known != before {
-        let bound = format!("by what was read before they are {known}");
+        let bound = format!("in what was read before they are {known}");
         return Err(Fault::Contradiction { what: "the samples before the trigger", value: before.to_string(), bound });
     }
     Ok(())

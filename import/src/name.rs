@@ -17,10 +17,10 @@ const FIELDS: [(&str, Form); 11] = [
     ("tap_time_ns", Form::Whole),
 ];
 
-/// What stands for text that means nothing.
+/// The placeholder for text without meaning.
 const ANYTHING: &str = "_";
 
-/// Most ways that are tried to read one name.
+/// Maximum number of steps to read one name.
 const STEPS_MAX: usize = 1_000_000;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,7 +64,7 @@ pub(crate) struct Pattern {
 pub(crate) type Cells = BTreeMap<String, String>;
 
 impl Pattern {
-    /// The pattern that `text` spells; `is_recording` tells names of files.
+    /// The pattern that `text` spells; `is_recording` recognises file names.
     pub(crate) fn new(text: &str, is_recording: impl Fn(&str) -> bool) -> Result<Self, String> {
         let refuse = |what: String| Err(format!("name is {text:?}; {what}"));
         let mut pieces = Vec::new();
@@ -79,11 +79,11 @@ impl Pattern {
                 None if field == ANYTHING => Piece::Anything,
                 None => {
                     let known = FIELDS.map(|(name, _)| name).join(", ");
-                    return refuse(format!("{{{field}}} must be one of {known}, or {{_}} for what means nothing"));
+                    return refuse(format!("{{{field}}} must be one of {known}, or {{_}} for text without meaning"));
                 }
             };
             if piece != Piece::Anything && pieces.contains(&piece) {
-                return refuse(format!("{{{field}}} stands there twice"));
+                return refuse(format!("{{{field}}} is there twice"));
             }
             pieces.push(piece);
             rest = behind;
@@ -110,7 +110,7 @@ impl Pattern {
         let pattern = &self.text;
         match walk.ways.as_slice() {
             _ if walk.steps_left == 0 => {
-                Err(format!("name is {pattern:?}; there are too many ways to read {name:?} by it"))
+                Err(format!("name is {pattern:?}; there are too many ways to read {name:?} with it"))
             }
             [] => Ok(None),
             [only] => Ok(Some(only.clone())),
@@ -119,7 +119,7 @@ impl Pattern {
                 let (column, one) = first.iter().find(differs).map_or(("", ""), |(column, one)| (column, one));
                 let other = second.get(column).map(String::as_str).unwrap_or_default();
                 Err(format!(
-                    "name is {pattern:?}; in {name:?} {{{column}}} may be {one:?} or {other:?}: put other signs between fields"
+                    "name is {pattern:?}; in {name:?} {{{column}}} may be {one:?} or {other:?}: put other text between fields"
                 ))
             }
         }
@@ -207,7 +207,7 @@ mod tests {
             ("{tyre", "a { lacks its }"),
             ("tyre}.wav", "a } lacks its {"),
             ("{speed}.wav", "{speed} must be one of tyre, shoulder"),
-            ("{tyre}{tyre}.wav", "{tyre} stands there twice"),
+            ("{tyre}{tyre}.wav", "{tyre} is there twice"),
             ("/{tyre}.wav", "without empty steps"),
         ] {
             let error = steps(text).unwrap_err();

@@ -31,11 +31,11 @@ pub(crate) struct Record {
 struct Named {
     record: usize,
     cells: Cells,
-    /// The table and its line, or the recording, whose name tells the tap.
+    /// The table and its line, or the recording, whose name gives the tap.
     from: (PathBuf, Option<usize>),
 }
 
-/// The taps of `files`, and the files whose parts would tell their taps and cannot be read, with the reason.
+/// The taps of `files`, and the files that cannot be read, though their parts name their taps, with the reason.
 pub(crate) fn records(files: &[PathBuf], config: &Config) -> Result<(Vec<Record>, Vec<String>)> {
     let mut list = List::default();
     match (&config.name, &config.table) {
@@ -55,7 +55,7 @@ pub(crate) fn records(files: &[PathBuf], config: &Config) -> Result<(Vec<Record>
     let unread = std::mem::take(&mut list.unread);
     match unread.first() {
         Some(first) if unread.len() == files.len() => {
-            Err(config.refuse(format!("its name cannot be applied, as no file can be read: {first}")))
+            Err(config.refuse(format!("name cannot be applied, as no file can be read: {first}")))
         }
         _ => Ok((list.read(config)?, unread)),
     }
@@ -124,7 +124,7 @@ impl List {
         let refuse = |reason: String| Error::Text { file: file.to_owned(), line: None, reason };
         let unfit = |what: &str| {
             let pattern = config.name.as_deref().unwrap_or_default();
-            let why = if file.exists() { "" } else { ", and is not there" };
+            let why = if file.exists() { "" } else { ", and does not exist" };
             refuse(format!("{what} does not fit name = {pattern:?}{why}"))
         };
         let text_of =
@@ -142,7 +142,7 @@ impl List {
         };
         let before = self.taps.len();
         for part in &parts {
-            // A file may hold other things beside its taps.
+            // A file may hold other things besides its taps.
             if let Some(cells) = pattern.read(&format!("{name}/{part}")).map_err(refuse)? {
                 self.add(file, part.clone(), &text_of(cells), (file.to_owned(), None), config)?;
             }
@@ -214,7 +214,7 @@ impl List {
             };
             let from = (table.to_owned(), line.and_then(|line| usize::try_from(line).ok()));
             if file.as_os_str().is_empty() {
-                // Each stands alone.
+                // Each is a record of its own.
                 self.records.push((PathBuf::new(), String::new()));
                 self.taps.push(Named { record: self.records.len() - 1, cells, from });
             } else {
@@ -311,7 +311,7 @@ fn csv_cell_if_text(value: String) -> String {
     if value.parse::<f64>().is_ok() { value } else { csv_cell(&value).into_owned() }
 }
 
-/// The taps of a continuous record, in their order; what its name says stands.
+/// The taps of a continuous record, in their order; what its name says takes precedence.
 fn cells_of(plan: &TapPlan, known: &Cells) -> Vec<Cells> {
     let texts = |values: &[f64]| match values {
         [] => vec![String::new()],

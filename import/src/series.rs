@@ -1,4 +1,4 @@
-//! The samples of one channel, whatever file they come from.
+//! The samples of one channel, from any kind of file.
 
 use tapline_store::OwnedSamples;
 
@@ -11,7 +11,7 @@ pub(crate) const SAMPLES_MAX: u64 = 1 << 28;
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Series {
     pub samples: Stored,
-    /// What a full-scale sample is in the file's unit: 1 of floats, 2^(bits - 1) of integers.
+    /// What a full-scale sample is in the file's unit: 1 for floats, 2^(bits - 1) for integers.
     pub full_scale: f64,
     pub sample_rate_hz: Option<f64>,
     /// Samples before time 0.
@@ -71,12 +71,12 @@ pub(crate) fn planes(channels: &[Stored]) -> OwnedSamples {
 }
 
 impl Series {
-    /// The series of `samples` alone.
+    /// A series of only `samples`.
     fn of(samples: Stored, full_scale: f64) -> Self {
         Self { samples, full_scale, ..Self::default() }
     }
 
-    /// Integers of `bits` bits. A float holds those of 24 bits exactly, and of wider ones the first 24 digits.
+    /// Integers of `bits` bits. A float holds those of 24 bits exactly, and of wider ones the first 24 bits.
     pub(crate) fn of_integers(integers: impl IntoIterator<Item = i64>, bits: u32) -> Self {
         let full_scale = (f64::from(bits) - 1.0).exp2();
         if bits == 16 {

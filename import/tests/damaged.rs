@@ -164,9 +164,9 @@ fn headers_that_promise_too_much_are_refused() {
     // UFF: so many values in a line of text.
     fs::write(path("0.uff"), crate::faults::uff("force", 2_000_000_000)).unwrap();
     for (file, want) in [
-        ("0.h5", "1000000000000 samples a channel; at most"),
+        ("0.h5", "1000000000000 samples per channel; at most"),
         ("0.tdms", "are promised"),
-        ("0.uff", "2000000000 samples a channel; at most"),
+        ("0.uff", "2000000000 samples per channel; at most"),
     ] {
         let error = import(&[path(file)], &path("import.toml"), &path("set"), |_, _| ()).unwrap_err().to_string();
         assert!(error.contains(file) && error.contains(want), "{error:?} lacks {want:?}");

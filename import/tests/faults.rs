@@ -58,7 +58,7 @@ impl Case {
     }
 }
 
-/// Catches a fault of the configuration that is let through, or told without its key, value and bound.
+/// Catches a fault of the configuration that is let through, or reported without its key, value and bound.
 #[test]
 fn faults_of_the_configuration_are_told() {
     for (from, to, parts) in [
@@ -72,11 +72,11 @@ fn faults_of_the_configuration_are_told() {
         (
             "= 4",
             "= 4\nsample_rate_hz = 44100",
-            &["A_1_0.wav: the sample rate is 40960 Hz; by the configuration it is 44100 Hz"],
+            &["A_1_0.wav: the sample rate is 40960 Hz; in the configuration it is 44100 Hz"],
         ),
         ("= 4", "= 4\nforce_full_scale_n = -1", &["force_full_scale_n is -1; it must be above 0"]),
         ("= 4", "= 4\ntime_axis = 3", &["time_axis is 3; it must be 1"]),
-        ("= 4", "= 4\ntable = \"taps.csv\"", &["there are name and table"]),
+        ("= 4", "= 4\ntable = \"taps.csv\"", &["there are both name and table"]),
         ("= 4", "= 4\nplan = { locations = 3 }", &["there is a plan, but no [cut]"]),
         (
             "= 4",
@@ -179,10 +179,10 @@ fn a_recording_that_cannot_be_read_is_refused_in_the_set() {
     let imported = case.import().unwrap();
     assert_eq!(imported.written, 2);
     let [one, two] = imported.refused.as_slice() else { panic!("{imported:?}") };
-    assert!(one.contains("A_1_1.wav: is no WAV: it does not start with RIFF and WAVE"), "{one}");
-    assert!(two.contains("A_1_2.wav: the sample rate is 44100 Hz; by what was read before it is 40960 Hz"), "{two}");
+    assert!(one.contains("A_1_1.wav: is not WAV: it does not start with RIFF and WAVE"), "{one}");
+    assert!(two.contains("A_1_2.wav: the sample rate is 44100 Hz; in what was read before it is 40960 Hz"), "{two}");
     let list = fs::read_to_string(case.path("set/taps.csv")).unwrap();
-    assert!(list.lines().nth(2).unwrap().contains("is no WAV"), "{list}");
+    assert!(list.lines().nth(2).unwrap().contains("is not WAV"), "{list}");
     case_again(&case);
 }
 
@@ -220,12 +220,12 @@ fn what_is_not_read_is_refused_by_name() {
         ("0.tdms", tdms(integers(2, 32), words(&[0])), "does not say its sample rate: set sample_rate_hz in"),
         ("0.mat", mat, "its version is not 5 to 7.3"),
         ("0.mat", vec![0; 200], "(version 4 is not read: save it again in MATLAB)"),
-        ("0.h5", vec![7; 200], "is no sound HDF5: "),
+        ("0.h5", vec![7; 200], "is not valid HDF5: "),
         ("0.uff", b"    -1\n    15\n    -1\n".to_vec(), "has no dataset 58"),
-        ("0.csv", b"1,2\n3,4\n".to_vec(), "its first line has no names but numbers"),
+        ("0.csv", b"1,2\n3,4\n".to_vec(), "its first line has numbers, not names"),
         ("0.csv", b"t,force\n0,1\n1,x\n".to_vec(), "line 3: force is \"x\"; it must be a number"),
         ("0.wav", b"RF64    WAVE".to_vec(), "RF64 and RIFX are not read"),
-        ("0.ogg", vec![1], "its ending is none that is read: wav, csv"),
+        ("0.ogg", vec![1], "its ending is not one that is read: wav, csv"),
         ("0.csv", vec![], "has no samples"),
     ] {
         let case = Case::new(
@@ -374,7 +374,7 @@ fn hdf5_bytes(unit: Option<&str>) -> Vec<u8> {
 const GROUPS: &str = "name = \"{tyre}.h5/{location}\"\nchannels = { force = \"force\" }\nsample_rate_hz = 40960.0
 pre_trigger_samples = 1\ntap = { shoulder = 1, offset_mm = 0.0, velocity_m_per_s = 1.5 }\n";
 
-/// Catches newtons of MATLAB 7.3 that are lost, and another unit that nobody hears of.
+/// Catches newtons of MATLAB 7.3 that are lost, and another unit that is not reported.
 #[test]
 fn matlab_7_3_names_units_as_earlier_versions_do() {
     for (unit, want) in [("N ", None), ("kg", Some(("force", Some("kg".to_owned())))), ("", Some(("force", None)))] {
@@ -395,7 +395,7 @@ fn a_file_whose_parts_cannot_be_read_is_left_out() {
     let files = [case.path("A.h5"), case.path("B.h5")];
     let done = import(&files, &case.path("import.toml"), &case.path("set"), |_, _| ()).unwrap();
     assert_eq!((done.written, done.unread.len()), (1, 1));
-    assert!(done.unread[0].contains("B.h5: is no sound HDF5"), "{:?}", done.unread);
+    assert!(done.unread[0].contains("B.h5: is not valid HDF5"), "{:?}", done.unread);
     let case = Case { files: vec![files[1].clone()], ..case };
     fs::remove_dir_all(case.path("set")).unwrap();
     case.fails(&["B.h5"]);

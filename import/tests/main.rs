@@ -1,6 +1,6 @@
 //! Recordings that Python's libraries write, imported; and damaged ones.
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![expect(clippy::unwrap_used, reason = "a test that cannot continue has failed")]
 
 mod damaged;
 mod faults;

@@ -113,7 +113,7 @@ fn scales_are_those_that_are_known() {
     assert!(unscaled == ["sound"] && scales == [1.0, 1.0 / 32_768.0], "{scales:?}");
 }
 
-/// Catches a record that is cut beside its taps, and taps that are given to their neighbours.
+/// Catches a record that is cut in the wrong places, and taps that are given to their neighbours.
 #[test]
 fn continuous_records_are_cut() {
     let Some(folder) = recordings() else { return };

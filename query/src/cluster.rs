@@ -35,12 +35,12 @@ pub struct ListenArgs {
     /// Address to listen on. Only this host reaches the default; there is no password.
     #[arg(long, default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
     pub bind: IpAddr,
-    /// Name or address by which others reach this host, where it is not that of --bind.
+    /// Name or address by which others reach this host, if it is not that of --bind.
     #[arg(long)]
     pub host: Option<String>,
 }
 
-/// Be the scheduler of a cluster.
+/// Run the scheduler of a cluster.
 #[derive(Debug, Clone, clap::Args)]
 pub struct Scheduler {
     /// How it is reached.
@@ -54,7 +54,7 @@ pub struct Scheduler {
     pub executor_timeout_s: u64,
 }
 
-/// Be an executor of a cluster. It works on one file at a time: run one for each core of a host.
+/// Run an executor of a cluster. It works on one file at a time: run one for each core of a host.
 #[derive(Debug, Clone, clap::Args)]
 pub struct Executor {
     /// The scheduler.
@@ -66,7 +66,7 @@ pub struct Executor {
     /// Port from which results are fetched; 0 for any that is free.
     #[arg(long, default_value_t = 0)]
     pub port: u16,
-    /// Folder for what is under way; one of the system's when left out.
+    /// Folder for temporary files; the system's when left out.
     #[arg(long)]
     pub work: Option<PathBuf>,
 }
@@ -80,7 +80,7 @@ impl Scheduler {
         let Self { listen: ListenArgs { bind, host }, port, executor_timeout_s } = self;
         ensure!(
             executor_timeout_s >= TIMEOUT_MIN_S,
-            "--executor-timeout-s is {executor_timeout_s}; at least {TIMEOUT_MIN_S}, as executors show themselves every {HEARTBEAT_S} s"
+            "--executor-timeout-s is {executor_timeout_s}; it must be at least {TIMEOUT_MIN_S}: executors report every {HEARTBEAT_S} s"
         );
         warn_of_others(bind);
         let address = free(bind, port)?;
@@ -149,7 +149,7 @@ impl Executor {
     }
 }
 
-/// Ballista has no passwords: who reaches a port can run queries and read every file that this user can.
+/// Ballista has no passwords: whoever reaches a port can run queries, and read and write files as this user.
 fn warn_of_others(bind: IpAddr) {
     if !bind.is_loopback() {
         print_line(&format!(
@@ -158,7 +158,7 @@ fn warn_of_others(bind: IpAddr) {
     }
 }
 
-/// The address as it stands before a port.
+/// The address as it is written before a port.
 fn in_address(bind: IpAddr) -> String {
     match bind {
         IpAddr::V4(bind) => bind.to_string(),
@@ -170,7 +170,7 @@ fn in_address(bind: IpAddr) -> String {
 fn reached_by(bind: IpAddr, host: Option<String>) -> Result<String> {
     ensure!(
         host.is_some() || !bind.is_unspecified(),
-        "--bind {bind} stands for every address of this host: say by --host which of them others use"
+        "--bind {bind} means every address of this host: give with --host the one that others use"
     );
     Ok(host.unwrap_or_else(|| in_address(bind)))
 }
@@ -194,7 +194,7 @@ mod tests {
         assert_eq!(reached("::1", None).unwrap(), "[::1]");
         assert_eq!(reached("0.0.0.0", Some("central")).unwrap(), "central");
         let refusal = reached("0.0.0.0", None).unwrap_err().to_string();
-        assert!(refusal.starts_with("--bind 0.0.0.0 stands for every address"), "{refusal}");
+        assert!(refusal.starts_with("--bind 0.0.0.0 means every address"), "{refusal}");
     }
 
     #[test]

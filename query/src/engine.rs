@@ -35,10 +35,10 @@ pub struct ArchiveArgs {
     /// Folders of casing files; every finished archive in them and in their subfolders is taken.
     #[arg(required = true, value_name = "DIR|s3://BUCKET/DIR")]
     pub places: Vec<Place>,
-    /// Where it is done: local, or cluster://HOST:PORT.
+    /// Where the work is done: local, or cluster://HOST:PORT.
     #[arg(long, default_value = "local")]
     pub engine: Engine,
-    /// Files of one task; a cluster needs some 50 ms more for each task.
+    /// Files per task; a cluster needs about 50 ms more for each task.
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..))]
     pub files_per_task: u16,
 }
@@ -51,11 +51,11 @@ impl FromStr for Engine {
             return Ok(Self::Local);
         }
         let Some(address) = text.strip_prefix("cluster://") else {
-            bail!("{text:?} is no engine: it is local, or cluster://HOST:PORT");
+            bail!("{text:?} is not an engine: give local or cluster://HOST:PORT");
         };
         let (host, port) =
             address.rsplit_once(':').with_context(|| format!("{text:?} has no port: cluster://HOST:PORT"))?;
-        let port = port.parse().with_context(|| format!("the port of {text:?} is no number from 1 to 65535"))?;
+        let port = port.parse().with_context(|| format!("the port of {text:?} is not a number from 1 to 65535"))?;
         ensure!(!host.is_empty() && port > 0, "{text:?} has no host or port 0: cluster://HOST:PORT");
         Ok(Self::Cluster { host: host.to_owned(), port })
     }
@@ -71,7 +71,7 @@ impl fmt::Display for Engine {
 }
 
 impl Engine {
-    /// A context whose plans run there. Tables and functions are registered after this: connecting replaces those of before.
+    /// A context whose plans run there. Register tables and functions after this: connecting replaces earlier ones.
     ///
     /// # Errors
     /// An address that cannot be one.
@@ -114,9 +114,9 @@ mod tests {
         assert_eq!(parsed("cluster://central:50050").unwrap(), cluster);
         assert_eq!(cluster.to_string(), "cluster://central:50050");
         for (text, why) in [
-            ("ray", "\"ray\" is no engine: it is local, or cluster://HOST:PORT"),
+            ("ray", "\"ray\" is not an engine: give local or cluster://HOST:PORT"),
             ("cluster://central", "\"cluster://central\" has no port: cluster://HOST:PORT"),
-            ("cluster://central:70000", "the port of \"cluster://central:70000\" is no number from 1 to 65535"),
+            ("cluster://central:70000", "the port of \"cluster://central:70000\" is not a number from 1 to 65535"),
             ("cluster://:1", "\"cluster://:1\" has no host or port 0: cluster://HOST:PORT"),
         ] {
             assert_eq!(parsed(text).unwrap_err().to_string(), why);

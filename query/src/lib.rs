@@ -4,8 +4,8 @@
 //! says what is done with each, [`plan`] puts that into a plan of DataFusion, and [`engine`] runs the plan here or on a cluster of
 //! Ballista, whose processes are in [`cluster`]. [`reprocess`] keeps what comes of a job in one committed folder.
 //!
-//! Two rules make a cluster give what one host gives. A leaf of a plan is always one that Ballista can cut into tasks, the paths
-//! of files in memory, and our own node above it turns paths into rows: of a leaf of ours every task would do all the files.
+//! Two rules make a cluster return what one host returns. A plan's leaf is always one that Ballista can cut into tasks:
+//! paths of files in memory. Our node above it turns them into rows: with a leaf of ours, each task would do all files.
 //! And a file that cannot be read is a row with its error, because an error would end the whole job.
 
 pub mod cluster;

@@ -16,7 +16,7 @@ use tapline_query::sql::{self, Question};
 /// Exit code where something was left out.
 const INCOMPLETE: u8 = 3;
 
-/// Files that could not be judged or copied and are named; of more the number is given.
+/// Maximum number of failed files that are named; of the rest only the number is given.
 const NAMED_MAX: usize = 20;
 
 /// Ask about years of archives, or judge them again: on this host, or on a cluster.
@@ -31,7 +31,7 @@ struct Cli {
 enum Verb {
     Sql(Question),
     Reprocess(Order),
-    /// Copy finished archives to another place, such as a bucket. Each is checked first; what is there is not overwritten.
+    /// Copy finished archives to another place, such as a bucket. Each is checked first; nothing is overwritten.
     Copy {
         /// Folders of casing files; every finished archive in them and in their subfolders is copied.
         #[arg(required = true, value_name = "DIR|s3://BUCKET/DIR")]

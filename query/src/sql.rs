@@ -42,7 +42,7 @@ pub struct Question {
     /// The archives that it is about.
     #[command(flatten)]
     pub archives: ArchiveArgs,
-    /// Of each casing take the newest results of `tapline reprocess` instead of its archive.
+    /// Take the newest results of `tapline reprocess` of each casing instead of its archive.
     #[arg(long = "results")]
     pub is_results: bool,
     /// How rows are printed.
@@ -51,7 +51,7 @@ pub struct Question {
 }
 
 const HELP: &str = "\
-Every table has the columns of `tapline export`, and besides file, status (ok or error) and error. A file that cannot be read
+Every table has the columns of `tapline export`, and file, status (ok or error) and error. A file that cannot be read
 is one row with its error: SELECT file, error FROM verdicts WHERE status = 'error'.";
 
 /// Registers every table over `files` in `context`, which is connected already.
@@ -93,7 +93,7 @@ pub async fn answer(question: &Question, out: &mut impl Write) -> Result<()> {
             while let Some(batch) = next().await? {
                 batches.push(batch);
             }
-            writeln!(out, "{}", pretty_format_batches(&batches).context("rows that cannot be printed")?)?;
+            writeln!(out, "{}", pretty_format_batches(&batches).context("cannot print the rows")?)?;
         }
         Format::Csv => {
             let mut writer = WriterBuilder::new().with_header(true).build(&mut *out);
@@ -127,7 +127,7 @@ fn check_copies(plan: &LogicalPlan, engine: &Engine) -> Result<()> {
         }
         _ => Ok(TreeNodeRecursion::Continue),
     });
-    walked.context("cannot look through the plan")?;
+    walked.context("cannot examine the plan")?;
     targets.iter().try_for_each(|target| check_target(target, engine))
 }
 
@@ -137,7 +137,7 @@ fn check_target(target: &str, engine: &Engine) -> Result<()> {
     let url = read.get_url();
     let path = url.to_file_path().ok().filter(|_| url.scheme() == "file" && read.get_glob().is_none());
     let Some(path) = path else {
-        bail!("COPY writes files, and {target:?} is no path of one: give a path without *, ? and [")
+        bail!("COPY writes files, and {target:?} is not the path of one: give a path without *, ? and [")
     };
     let is_relative = !target.starts_with('/') && !target.starts_with("file:");
     ensure!(
@@ -149,7 +149,7 @@ fn check_target(target: &str, engine: &Engine) -> Result<()> {
         Ok(true) => {}
         Ok(false) => bail!("COPY TO {target:?}: this folder has files already; COPY writes into an empty or a new one"),
         Err(_) if path.symlink_metadata().is_ok() => {
-            bail!("COPY TO {target:?}: it is there already, and nothing takes its place")
+            bail!("COPY TO {target:?}: it already exists, and nothing takes its place")
         }
         Err(_) => {}
     }

@@ -62,7 +62,7 @@ fn what_no_job_can_do_is_said_before_it_begins() {
     let refusal = |arguments: &[&str]| sandbox.run(&[&["reprocess", "in", "--out"], arguments].concat()).expect(1).err;
     assert!(refusal(&["in/out"]).contains("--out in/out lies in in"));
     assert!(refusal(&["out", "--config", "no.toml"]).contains("cannot read no.toml"));
-    // What no archive can be judged by is said with its line, and leaves no job.
+    // What no archive can be judged with is reported with its line, and leaves no job.
     std::fs::write(sandbox.path("slip.toml"), "[fuse]\nindx = 1\n").unwrap();
     let err = refusal(&["out", "--config", "slip.toml"]);
     for words in ["none of 11 archives can be judged, and nothing is committed", "line 2", "did you mean \"index\"?"] {

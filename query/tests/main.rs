@@ -1,6 +1,6 @@
 //! The built program: every question and every job on this host and on a cluster of real processes, which are killed on purpose.
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![expect(clippy::unwrap_used, reason = "a test that cannot continue has failed")]
 
 mod bucket;
 mod cluster;

@@ -50,7 +50,7 @@ impl Drop for Network {
     }
 }
 
-/// Catches work that is lost behind a cut link, and a host that goes on behind it and spoils what is committed.
+/// Catches work that is lost behind a cut link, and a host that continues behind it and spoils what is committed.
 #[test]
 fn a_job_survives_a_link_that_is_cut() {
     let Some(sandbox) = Sandbox::new() else { return };

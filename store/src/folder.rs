@@ -1,8 +1,8 @@
-//! Which archives a folder stands for.
+//! Which archives a given folder means.
 //!
-//! These are the finished ones in it and in its subfolders, such as the days of a line; not those under way (`open`), those that
-//! a line could not continue (`left`), hidden files, and folders that are links. Results that `tapline reprocess` put beside an archive are told apart
-//! from archives, so that no casing counts twice.
+//! These are the finished ones in it and in its subfolders, such as the days of a line; not those in progress (`open`),
+//! those that a line could not continue (`left`), hidden files or linked folders. Results that `tapline reprocess` put
+//! beside an archive are kept apart, so that no casing counts twice.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, DirEntry};
@@ -28,7 +28,7 @@ pub struct Folder {
     pub unfinished: Vec<PathBuf>,
 }
 
-/// What a folder has finished, as a casing is counted.
+/// The finished files of a folder: archives and results.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Sorted {
     /// Files of casings.
@@ -42,7 +42,7 @@ pub struct Sorted {
 pub struct Results {
     /// Where it is.
     pub path: PathBuf,
-    /// The archive that it is of.
+    /// The archive that it belongs to.
     pub archive: PathBuf,
 }
 
@@ -80,8 +80,8 @@ impl Folder {
         Ok(())
     }
 
-    /// Tells results from archives. A file whose name is that of results of an archive beside it is opened to know it; one that
-    /// cannot be read is taken by its name.
+    /// Separates results from archives. A file named like results of an archive beside it is opened to make sure;
+    /// one that cannot be read is judged by its name.
     pub fn sorted(&self) -> Sorted {
         let all: BTreeSet<&Path> = self.finished.iter().map(PathBuf::as_path).collect();
         let mut sorted = Sorted::default();
@@ -108,7 +108,7 @@ impl Sorted {
         newest.into_values().map(|(_, path)| path.to_owned()).collect()
     }
 
-    /// What is to be said where only the results in `folder` are taken: how many of its archives have none. `None` if all have some.
+    /// The remark if only results in `folder` are taken: how many archives have none; `None` if all or none have some.
     pub fn without_results(&self, folder: &Path) -> Option<String> {
         let with: BTreeSet<&Path> = self.results.iter().map(|results| results.archive.as_path()).collect();
         let (with, all) = (with.len(), self.archives.len());
@@ -122,12 +122,12 @@ fn entries(folder: &Path) -> Result<Vec<DirEntry>> {
     fs::read_dir(folder).context("read", folder)?.collect::<std::io::Result<_>>().context("read", folder)
 }
 
-/// Whether a plain file with an archive's ending is at `path`, or where a link there leads.
+/// Whether `path` has an archive's ending and is a plain file or a link to one.
 fn is_archive(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending == ENDING) && path.metadata().is_ok_and(|there| there.is_file())
 }
 
-/// The archive that a file of results is of, by its name: `NAME.0123456789ab.h5` is of `NAME.h5`; `None` for another name.
+/// The archive that a file of results belongs to: `NAME.h5` for `NAME.0123456789ab.h5`; `None` for another name.
 pub fn archive_of(path: &Path) -> Option<PathBuf> {
     let (name, key) = path.file_stem()?.to_str()?.rsplit_once('.')?;
     let is_key = key.len() == KEY_DIGITS && key.bytes().all(|b| b.is_ascii_digit() || (b'a'..=b'f').contains(&b));
@@ -140,7 +140,7 @@ pub fn results_path(archive: &Path, key: &str) -> PathBuf {
     archive.with_file_name(format!("{name}.{}.{ENDING}", &key[..KEY_DIGITS.min(key.len())]))
 }
 
-/// Whether the file at `path` has results of an archive, and is not that of a casing that is called so; by its name, where it
+/// Whether the file at `path` has results, and is not the archive of a casing with such a name; judged by name if it
 /// cannot be read.
 pub fn has_results(path: &Path) -> bool {
     archive_of(path).is_some() && Reader::open(path).map_or(true, |reader| reader.is_results())
@@ -184,7 +184,7 @@ mod tests {
         let names = |paths: &[PathBuf]| -> Vec<String> {
             paths.iter().map(|path| path.strip_prefix(folder.path()).unwrap().display().to_string()).collect()
         };
-        // The results of an archive that is not there are all that there is of it.
+        // Results whose archive is missing count as the archive.
         let casings = ["2026-11-23/A.0123456789ab.h5", "2026-11-23/B.h5", "2026-11-24/A.h5", "C.2.h5", "C.h5"];
         assert_eq!(names(&sorted.archives), casings);
         assert_eq!(names(&sorted.newest_results()), ["C.0123456789ab.h5"]);

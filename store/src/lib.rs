@@ -1,19 +1,19 @@
-//! One HDF5 archive a casing: written once, read back bit for bit.
+//! One HDF5 archive per casing: written once, read back bit for bit.
 //!
 //! Row `k` of every table belongs to row `k` of the scan plan, so the contents of an archive do not depend on the order in
 //! which taps arrived, and no tap can be stored twice. All tables have their final size from the start, and the index of the
 //! samples' chunks has all of its entries: after creation only contents and entries change in place, so a writer that is
-//! killed leaves a file that opens. Samples are packed outside of the lock of the HDF5 library, every row has a checksum, and
-//! samples are read past the library.
+//! killed leaves a file that opens. Samples are packed outside the HDF5 library's lock, every row has a checksum, and
+//! samples are read without the library.
 //!
 //! Folders, each of which uses only those above it in this list:
 //!
 //! - `format`: what the bytes of an archive mean, without opening one
-//! - `file`: the archive as a file of the system: its name, its disk, and whether it is still there
+//! - `file`: the archive as a file on disk: its name, its disk, and whether it is still there
 //! - `h5`: calls of the HDF5 library, and its structures read without it
 //! - `archive`: one archive, created, or opened and checked
 //! - `read`, `write`: reading and writing taps and results; [`verify`]
-//! - `folder`: the archives that a folder stands for
+//! - `folder`: the archives that a given folder means
 //! - `stage`: the archives of a running line; [`repack()`]
 //!
 //! ```

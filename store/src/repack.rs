@@ -39,7 +39,7 @@ pub struct Repacked {
     pub after_bytes: u64,
 }
 
-/// Writes the archive at `from` to `to`, its samples packed by `codec`; every sample is checked.
+/// Writes the archive at `from` to `to`, its samples packed with `codec`; every sample is checked.
 ///
 /// The new file appears complete or not at all, and its results have the same lineage.
 ///
@@ -77,7 +77,7 @@ pub fn repack_with(
     fs::remove_file(&draft).context("create", &draft)?;
     let sample_bytes = fill(&reader, &draft, codec, |part| on_part(CHECKED_PART + part * (1.0 - CHECKED_PART)))?;
     draft::publish(draft, to)?;
-    let length = |path: &Path| Ok::<_, Error>(fs::metadata(path).context("measure", path)?.len());
+    let length = |path: &Path| Ok::<_, Error>(fs::metadata(path).context("get the size of", path)?.len());
     Ok(Repacked { sample_bytes, before_bytes: length(from)?, after_bytes: length(to)? })
 }
 

@@ -41,7 +41,7 @@ fn write_blocks(path: &Path) {
     writer.finish().unwrap();
 }
 
-/// Catches blocks that are looked for where they are not, whole records and beginnings of them.
+/// Catches blocks that are looked for in the wrong place, for whole records and for beginnings.
 #[test]
 fn blocks_come_back() {
     let (_here, path) = new_path();

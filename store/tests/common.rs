@@ -34,7 +34,7 @@ pub(crate) fn plan_of(recording: Recording) -> Plan {
     plan_with(recording, LOCATIONS)
 }
 
-/// The same with `location_count` locations a ring.
+/// The same with `location_count` locations per ring.
 pub(crate) fn plan_with(recording: Recording, location_count: u32) -> Plan {
     let mut taps = Vec::new();
     for station in [1, 2] {
@@ -59,7 +59,7 @@ pub(crate) fn big_plan() -> Plan {
     plan_with(Recording { sample_count_max: 4096, ..recording }, 60)
 }
 
-/// Header of the tap in plan row `row`, with a record of `sample_count` samples a channel.
+/// Header of the tap in plan row `row`, with a record of `sample_count` samples per channel.
 pub(crate) fn header(plan: &Plan, row: u32, sample_count: u32) -> TapHeader {
     let id = plan.taps()[row as usize].id;
     let mut channels = [ChannelHeader::default(); 4];
@@ -171,7 +171,7 @@ pub(crate) fn judgement(plan: &Plan, scan: u32) -> (Judgement, Vec<DamageCell>) 
     (judgement, planned.locations.iter().map(cell).collect())
 }
 
-/// Goes on with the archive at `path` or, where there is none, begins it.
+/// Continues the archive at `path` or, if there is none, begins it.
 pub(crate) fn open_or_create(path: impl AsRef<Path>, plan: &Plan, config: &str) -> Result<Writer> {
     let path = path.as_ref();
     if path.exists() { Writer::resume(path, config) } else { Writer::create(path, plan, plan.taps().len(), config) }

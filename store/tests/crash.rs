@@ -1,4 +1,4 @@
-//! A writer that is killed leaves an archive that opens plainly and can be gone on with.
+//! A writer that is killed leaves an archive that opens normally and can be continued.
 
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -133,8 +133,8 @@ fn a_run_never_changes_the_structure() {
     assert_eq!(changed, 0, "bytes outside the tables changed");
 }
 
-/// Catches an index of packed chunks that grows or is laid out anew while a run is under way: only entries may change, each
-/// where it stands, so that a writer killed in between leaves all others as they were.
+/// Catches an index of packed chunks that grows or is laid out again while a run is under way: only entries may change,
+/// each in place, so that a writer killed in between leaves all others as they were.
 #[test]
 fn packed_chunks_change_entries_only() {
     let (_here, path) = new_path();

@@ -1,4 +1,4 @@
-//! Damaged files, finished and not: whatever is wrong with one, it is refused or read as far as its checksums go.
+//! Damaged files, finished and not: each is refused, or read as far as its checksums are valid.
 
 use std::path::Path;
 
@@ -71,7 +71,7 @@ fn a_damaged_file_is_noticed() {
             (0..10).for_each(|row| drop(reader.tap(row)));
             drop((reader.discriminators(), reader.judgements(), reader.refusals(), reader.raw_digest()));
         }
-        // What a line goes on with becomes whole, or is refused.
+        // What a line continues becomes complete, or is refused.
         if let Ok(mut writer) = Writer::resume(&path, CONFIG)
             && put_all(&mut writer).is_ok()
             && writer.finish().is_ok()

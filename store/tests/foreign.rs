@@ -1,4 +1,4 @@
-//! The archive as programs of other people see it.
+//! The archive as other people's programs see it.
 
 use std::ffi::OsString;
 use std::process::Command;
@@ -40,7 +40,7 @@ fn python() -> Option<OsString> {
     tapline_testing::python_that(HAS_ALL)
 }
 
-/// Catches an archive that only this program can read, or reads otherwise.
+/// Catches an archive that only this program can read, or reads differently.
 #[test]
 fn h5py_reads_the_same() {
     let _guard = crate::common::alone();
@@ -90,7 +90,7 @@ for path in sys.argv[1:]:
         print([filters.get_filter(k)[0] for k in range(filters.get_nfilters())], samples[6].tobytes().hex())
 "#;
 
-/// Catches a codec that is not a registered filter, or that others unpack otherwise.
+/// Catches a codec that is not a registered filter, or that others unpack differently.
 #[test]
 fn h5py_unpacks_every_codec() {
     let _guard = crate::common::alone();

@@ -72,7 +72,7 @@ fn what_is_added_is_as_what_was_planned() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
-    /// Catches a growth of which a part survives a crash, or that takes what was there with it: whichever of the pages that it
+    /// Catches a growth that survives a crash in part, or that destroys what was there: whichever of the pages that it
     /// changed have reached the file, all of it is planned or nothing.
     #[test]
     fn a_growth_is_complete_or_not_there(pages in prop::collection::vec(any::<bool>(), 64), page_bytes in prop::sample::select(vec![64_usize, 512, 4096])) {

@@ -1,4 +1,4 @@
-//! Archives written, read, killed, damaged and refused, through the crate's public face.
+//! Archives written, read, killed, damaged and refused, through the crate's public API.
 
 #![expect(clippy::unwrap_used, reason = "a helper that fails fails its test")]
 

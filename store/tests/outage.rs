@@ -1,4 +1,4 @@
-//! A writer whose disk fails keeps what it was given and goes on afterwards.
+//! A writer whose disk fails keeps what it was given and continues afterwards.
 
 use std::fs;
 use std::path::Path;
@@ -58,7 +58,7 @@ fn a_disk_that_fills_again_and_again() {
     }
 }
 
-/// Catches what is lost with a file that is removed, moved or replaced, and a writer that writes on without seeing it.
+/// Catches what is lost with a file that is removed, moved or replaced, and a writer that does not notice it.
 #[test]
 fn a_file_that_is_not_where_it_was() {
     let _guard = crate::common::beside_others();
@@ -97,7 +97,7 @@ fn a_file_that_is_not_where_it_was() {
     assert_eq!(fs::read_dir(&place).unwrap().count(), 1);
 }
 
-/// Catches an archive gone on with although it is not the one that was left: an older copy of it under the same number.
+/// Catches an archive that is continued though it is not the one that was left: an older copy under the same number.
 #[test]
 fn an_older_copy_is_not_gone_on_with() {
     let (_here, path) = new_path();

@@ -10,7 +10,7 @@ use tapline_wire::{Quality, Reasons, SampleFormat};
 
 use crate::common::{CONFIG, new_path, plan};
 
-/// What stands at a place: (type, unit), by path and by the name of a field or, behind an `@`, of an attribute.
+/// What is at a place: (type, unit), by path and by the name of a field or, behind an `@`, of an attribute.
 type Found = BTreeMap<(String, String), (String, String)>;
 
 fn page() -> String {
@@ -80,7 +80,7 @@ fn add_dataset(found: &mut Found, path: &str, dataset: &Dataset) {
     }
 }
 
-/// What an archive with everything has, and a file of results alone beside it.
+/// What an archive with everything has, and a file of only results beside it.
 fn found_in_files() -> Found {
     let folder = tempfile::tempdir().unwrap();
     let (path, results) = (folder.path().join("run.h5"), folder.path().join("results.h5"));

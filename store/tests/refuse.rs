@@ -8,7 +8,7 @@ use tapline_wire::{RecordKind, Recording, SampleFormat};
 
 use crate::common::{CONFIG, discriminators, finished, header, judgement, new_path, plan, plan_of, put, samples};
 
-/// Catches an archive that is gone on with under other options, or refused for a remark, and one that is overwritten.
+/// Catches an archive that is continued with other options, or refused for a remark, and one that is overwritten.
 #[test]
 fn another_run_is_refused_with_both_values() {
     let (_here, path) = new_path();
@@ -143,7 +143,7 @@ fn records_that_do_not_belong_here() {
     assert_eq!(writer.counts(), tapline_store::PutCounts::default());
 }
 
-/// Catches results that are read beside other taps than those that they were computed from.
+/// Catches results that are read with other taps than those that they were computed from.
 #[test]
 fn results_of_other_taps_are_refused() {
     let (_here, path) = new_path();

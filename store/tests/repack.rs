@@ -1,4 +1,4 @@
-//! An archive packed otherwise is the same archive.
+//! An archive packed differently is the same archive.
 
 use std::fs;
 
@@ -71,7 +71,7 @@ fn every_codec_gives_the_same_archive() {
             drop(resumed);
             from = to;
         }
-        // The packing alone decides on the bytes, not the way to them.
+        // Only the codec decides on the bytes, not the way to them.
         let bytes = |name: &str| fs::read(path(name)).unwrap();
         repack(path("run.h5"), path("again.h5"), Codec::Lz4).unwrap();
         assert!(bytes("again.h5") == bytes("lz4.h5"));

@@ -1,4 +1,4 @@
-//! What is put in comes out, once, whatever the order.
+//! What is put in comes out, once, in any order.
 
 use std::path::{Path, PathBuf};
 
@@ -107,7 +107,7 @@ fn the_file_does_not_depend_on_the_order_of_arrival() {
     assert!(parts(&forward) == parts(&backward), "the contents differ");
 }
 
-/// Two archives of the same run, packed by `codec`, whose records came in opposite orders.
+/// Two archives of the same run, packed with `codec`, whose records came in opposite orders.
 fn forward_and_backward(forward: &Path, backward: &Path, codec: Codec) -> [PathBuf; 2] {
     let plan = plan(SampleFormat::I16);
     finished(forward, &plan, Lineage { codec, ..CONFIG.into() });
@@ -159,7 +159,7 @@ fn what_is_settled_stays() {
     }
 }
 
-/// Catches a tap vouched for before it is flushed, by half, or with halves of two attempts.
+/// Catches a tap counted before it is flushed, with one half, or with halves of two attempts.
 #[test]
 fn the_ledger_vouches_for_whole_flushed_taps_only() {
     let (_here, path, plan, mut writer) = begun(SampleFormat::I16);

@@ -1,4 +1,4 @@
-//! Verification finds what was bent on purpose, and nothing else.
+//! Verification finds what was damaged on purpose, and nothing else.
 
 use std::path::Path;
 
@@ -40,7 +40,7 @@ fn places(path: &Path) -> Vec<(usize, &'static str, usize)> {
         let table = file.dataset(name).unwrap();
         let start = table.offset().unwrap() as usize;
         let (bytes, rows) = (table.storage_size() as usize, table.shape()[0]);
-        // Four locations a scan.
+        // Four locations per scan.
         let of = |at: usize| if name == "damage" { at * rows / bytes / 4 } else { at * rows / bytes };
         places.extend((0..bytes).map(|at| (start + at, name, of(at))));
     }
@@ -116,7 +116,7 @@ fn what_is_damaged_is_not_opened() {
     assert!(report.is_complete() && report.is_finished);
 }
 
-/// Catches an archive that is not finished and is taken for one that is, or is gone on with after it was finished.
+/// Catches an archive that is not finished and is taken for one that is, or is continued after it was finished.
 #[test]
 fn what_is_finished_is_told_from_what_is_not() {
     let (_here, path) = new_path();
@@ -160,7 +160,7 @@ fn a_corrupt_row_is_a_missing_tap() {
     }
 }
 
-/// Catches a change of what never changes in an archive that is still written: none is gone on with, and none is read.
+/// Catches a change of what never changes in an archive that is still written: none is continued, and none is read.
 #[test]
 fn a_changed_structure_is_refused() {
     let (_here, path) = new_path();

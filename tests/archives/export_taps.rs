@@ -199,7 +199,7 @@ fn nothing_that_can_be_read_is_no_export() {
     bend_samples(&sandbox.path("one.h5"), 0);
     for format in ["wav", "uff", "mat"] {
         let done = sandbox.run(&format!("export one.h5 taps --format {format} --out {format}")).expect(1);
-        assert!(done.err.contains("readable samples of none of its 124 planned taps"), "{done:?}");
+        assert!(done.err.contains("readable samples for none of its 124 planned taps"), "{done:?}");
         assert!(!sandbox.path(format).exists());
     }
 }

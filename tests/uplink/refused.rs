@@ -29,7 +29,7 @@ fn a_file_that_is_not_whole_or_not_the_same_is_refused() {
     let lines: Vec<serde_json::Value> = done.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     let of = |name: &str| lines.iter().find(|line| line["name"] == name).unwrap();
     assert_eq!((&of("a/C1.h5")["kind"], &of("a/C1.h5")["why"]), (&"received".into(), &serde_json::Value::Null));
-    for (name, why) in [("a/C2.h5", "the seal does not fit"), ("a/C3.h5", "another file of this name")] {
+    for (name, why) in [("a/C2.h5", "the seal does not match"), ("a/C3.h5", "another file of this name")] {
         assert_eq!(of(name)["kind"], "refused");
         assert!(of(name)["why"].as_str().unwrap().contains(why), "{}", of(name));
     }

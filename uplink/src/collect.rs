@@ -20,10 +20,10 @@ use crate::server::Server;
 use crate::session::{self, Trouble, Until};
 use crate::staging::{Folder, digest_of};
 
-/// How long the queue is waited on until it counts as empty.
+/// How long to wait for the queue until it counts as empty.
 const WAIT: Duration = Duration::from_secs(2);
 
-/// How long a request for the next file stands; the server says three times as often that it is there.
+/// How long a request for the next file is valid; the server sends a heartbeat three times as often.
 const ASKED_FOR: Duration = Duration::from_secs(15);
 
 /// How long a server may take for the next bytes of a file before the file is given up, to be sent again.
@@ -44,7 +44,7 @@ pub struct Collector {
     pub host: String,
     /// Bucket of the server.
     pub bucket: String,
-    /// What is amiss with the file at a path, `None` if it is a whole and unaltered archive; an error, if that cannot be told now.
+    /// What is wrong with the file at a path; `None` if it is a whole and unaltered archive; an error if unknown now.
     pub check: fn(&Path) -> Result<Option<String>>,
 }
 
@@ -55,15 +55,15 @@ pub struct Collected {
     pub file: CasingFile,
     /// Where it is, if it was taken.
     pub path: PathBuf,
-    /// What was said of it.
+    /// The receipt for it.
     pub receipt: Receipt,
 }
 
-/// Takes files until it is over; whether none was refused. `tell` hears of each.
+/// Takes files until it is over; returns whether none was refused. `tell` gets each.
 ///
 /// # Errors
-/// A folder that cannot be used, and what lasts for a minute when it is to be done once. All other troubles are logged, and it is tried
-/// again.
+/// A folder that cannot be used and, if this is done once, trouble that lasts for a minute. Other troubles are logged,
+/// and it is tried again.
 pub fn collect(
     server: &Server,
     collector: &Collector,
@@ -117,7 +117,7 @@ impl Collecting<'_> {
         let mut queue = self.jetstream.queue().await?;
         // No more than is taken at once, so that nothing waits behind a collector while another is idle.
         let messages = queue.stream().max_messages_per_batch(1).expires(ASKED_FOR).heartbeat(ASKED_FOR / 3);
-        let mut messages = messages.messages().await.context("the queue is not there")?;
+        let mut messages = messages.messages().await.context("the queue cannot be read")?;
         loop {
             let Ok(next) = timeout(WAIT, messages.next()).await else {
                 let state = queue.info().await.context("the server does not answer")?;
@@ -127,7 +127,7 @@ impl Collecting<'_> {
                 }
                 continue;
             };
-            let message = next.context("the queue has ended")?.context("the queue gives nothing")?;
+            let message = next.context("the queue has ended")?.context("the queue returns no message")?;
             if let Err(error) = self.take(&message, tell).await {
                 // Another collector, or this one again, gets the file. If the server does not hear it, the file's time runs out.
                 drop(message.ack_with(AckKind::Nak(Some(OTHER_AFTER))).await);
@@ -153,7 +153,7 @@ impl Collecting<'_> {
         if self.jetstream.receipt(&file).await?.is_some() {
             return self.jetstream.remove(&file).await;
         }
-        let digest = info.digest.with_context(|| format!("the server gives no digest of {file}"))?;
+        let digest = info.digest.with_context(|| format!("the server returns no digest of {file}"))?;
         match digest_of(&self.folder.place(&file))? {
             Some((there, bytes)) if there == digest => {
                 self.give(file, self.receipt(digest, bytes, Fate::Received), tell).await
@@ -228,7 +228,7 @@ impl Collecting<'_> {
         }
     }
 
-    /// Gives the receipt of `file`, unless another has given one, and settles its draft by it.
+    /// Gives the receipt of `file`, unless another has given one, and places or discards its draft.
     async fn give(&self, file: CasingFile, receipt: Receipt, tell: &mut impl FnMut(Collected)) -> Result<()> {
         let is_ours = self.jetstream.give(&file, &receipt).await?;
         match is_ours && receipt.fate == Fate::Received {
@@ -261,7 +261,7 @@ enum Read {
         digest: String,
         bytes: u64,
     },
-    /// The server does not have all of it, and why that is thought.
+    /// The server does not have all of it, and what shows this.
     Lost(String),
 }
 

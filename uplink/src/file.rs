@@ -96,11 +96,11 @@ impl CasingFile {
 impl FromStr for CasingFile {
     type Err = Error;
 
-    /// Takes a name only if it cannot lead out of a folder, nor to a file that is hidden.
+    /// Accepts a name only if it cannot lead out of a folder, or to a hidden file.
     fn from_str(name: &str) -> Result<Self> {
         ensure!(
             name.len() <= NAME_BYTES_MAX,
-            "{name:?} has {} bytes: names of files have {NAME_BYTES_MAX} at most",
+            "{name:?} has {} bytes: names of files have at most {NAME_BYTES_MAX}",
             name.len()
         );
         let is_allowed = |part: &str| {

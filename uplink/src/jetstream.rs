@@ -19,8 +19,8 @@ use crate::file::CasingFile;
 use crate::receipt::Receipt;
 use crate::server::{ANSWER_WITHIN, Server};
 
-/// How long the server keeps what nobody takes: a file that it has forgotten is sent again. What was left of files whose sending
-/// was cut off goes then too.
+/// How long the server keeps what nobody takes: a file that it has forgotten is sent again. What is left of files
+/// whose sending was cut off is removed then too.
 const KEPT_FOR: Duration = Duration::from_secs(14 * 86_400);
 
 /// A collector that has said nothing for so long has lost the file, and another gets it.
@@ -39,7 +39,7 @@ pub(crate) struct JetStream {
 }
 
 impl JetStream {
-    /// Connects as `name`, and makes what is not there yet.
+    /// Connects as `name`, and creates what is missing.
     pub(crate) async fn connect(server: &Server, name: &str, bucket: &str) -> Result<Self> {
         let client = server.connect(name).await?;
         let mut context = jetstream::new(client);
@@ -110,7 +110,7 @@ impl JetStream {
         match sent.await {
             Ok(_) => Ok(()),
             Err(error) if error.kind() == PublishErrorKind::Other && is_announced(&error) => Ok(()),
-            Err(error) => Err(error).with_context(|| format!("the server does not keep the announcement of {file}")),
+            Err(error) => Err(error).with_context(|| format!("the server does not store the announcement of {file}")),
         }
     }
 
@@ -136,8 +136,8 @@ impl JetStream {
         Ok(())
     }
 
-    /// Gives the receipt of `file`; whether it counts: only the first does. One whose acknowledgement was lost is there when the client
-    /// gives it again, so that it is read back.
+    /// Gives the receipt of `file`; returns whether it counts: only the first does. If its acknowledgement is lost, the
+    /// client finds it there when it gives it again, and reads it back.
     pub(crate) async fn give(&self, file: &CasingFile, receipt: &Receipt) -> Result<bool> {
         let text = serde_json::to_vec(receipt)?;
         match self.receipts.create(file.key(), text.into()).await {
@@ -145,21 +145,21 @@ impl JetStream {
             Err(error) if error.kind() == CreateErrorKind::AlreadyExists => {
                 Ok(self.receipt(file).await?.as_ref() == Some(receipt))
             }
-            Err(error) => Err(error).with_context(|| format!("the server does not keep the receipt of {file}")),
+            Err(error) => Err(error).with_context(|| format!("the server does not store the receipt of {file}")),
         }
     }
 
-    /// Publishes the bytes of the file at `path` as `file`; its digest, when all of it is kept.
+    /// Publishes the bytes of the file at `path` as `file`; returns its digest when all of it is stored.
     pub(crate) async fn publish(&self, file: &CasingFile, path: &Path) -> Result<String> {
         let mut bytes = tokio::fs::File::open(path).await.with_context(|| format!("cannot read {}", path.display()))?;
         let put = self.objects.put(file.as_str(), &mut bytes).await;
-        let info = put.with_context(|| format!("the server does not keep {file}"))?;
-        let Some(digest) = info.digest else { bail!("the server gives no digest of {file}") };
+        let info = put.with_context(|| format!("the server does not store {file}"))?;
+        let Some(digest) = info.digest else { bail!("the server returns no digest of {file}") };
         self.announce(file).await?;
         Ok(digest)
     }
 
-    /// Has collectors told again that `file` waits; its size, and `None` if the server does not have it.
+    /// Announces again that `file` waits; returns its size, or `None` if the server does not have it.
     pub(crate) async fn remind(&self, file: &CasingFile) -> Result<Option<u64>> {
         let Some(info) = self.info(file).await? else { return Ok(None) };
         self.announce(file).await?;
@@ -178,7 +178,7 @@ impl JetStream {
 
     /// Removes the receipt of `file`, so that a centre takes it again.
     pub(crate) async fn forget(&self, file: &CasingFile) -> Result<()> {
-        self.receipts.purge(file.key()).await.with_context(|| format!("the receipt of {file} is not removed"))
+        self.receipts.purge(file.key()).await.with_context(|| format!("cannot remove the receipt of {file}"))
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! A casing's file is what travels: it is closed, sealed and never written again, so that what arrives is the same to the last bit, its
 //! ledger included. It stays on the station's host, and is the truth until the centre has a file of its own on its disk, has
-//! checked it, and says so in a *receipt*. Whatever the server loses is sent again.
+//! checked it, and says so in a *receipt*. What the server loses is sent again.
 //!
 //! | who | does |
 //! |---|---|
@@ -15,7 +15,7 @@
 //! - `receipt`: what a centre says of a file
 //! - `jetstream`: the server that both ends use, NATS JetStream
 //! - `send`, `collect`: the two ends; `staging`: a centre's folder
-//! - `session`: tries again after any trouble, and says it once
+//! - `session`: tries again after any trouble, and logs it once
 
 mod collect;
 mod file;

@@ -39,7 +39,7 @@ const ASKED_AT_ONCE: usize = 32;
 pub struct Sender {
     /// The folder of a line.
     pub folder: PathBuf,
-    /// As what the centre knows this host.
+    /// This host's name at the centre.
     pub site: Site,
     /// Bucket of the server.
     pub bucket: String,
@@ -56,7 +56,7 @@ pub struct Sent {
     pub receipt: Receipt,
 }
 
-/// How a folder stands.
+/// The state of a folder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Standing {
     /// Finished files in it.
@@ -90,11 +90,11 @@ impl State {
 }
 
 /// Sends the files of a folder until `until`; returns how many have reached a centre. `finished` lists the paths below the folder, and
-/// `tell` hears of each that was sent or is refused, once.
+/// `tell` gets each that was sent or refused, once.
 ///
 /// # Errors
-/// A runtime that cannot be started, and what lasts for a minute when it is to be done once. All other troubles are logged, and it is tried
-/// again.
+/// A runtime that cannot be started and, if this is done once, trouble that lasts for a minute. Other troubles are
+/// logged, and it is tried again.
 pub fn send(
     server: &Server,
     sender: &Sender,
@@ -139,7 +139,7 @@ impl Sending<'_> {
         tell: &mut impl FnMut(&Sent),
         trouble: &mut Trouble,
     ) -> Result<()> {
-        // Whatever ended the last connection may have cost the server what it had.
+        // What ended the last connection may also have lost files on the server.
         for state in self.files.values_mut() {
             if let State::Waits { asked, .. } = state {
                 *asked = None;
@@ -253,8 +253,8 @@ impl Sending<'_> {
         }
     }
 
-    /// Takes what a centre says of a file for settled, and tells it if it is news: a file that was there before this process began is
-    /// none.
+    /// Settles a file by its receipt, and passes it to `tell` if it is news: a file that was there before this process
+    /// began is none.
     fn settle(
         &mut self,
         path: PathBuf,
@@ -284,7 +284,7 @@ impl Sending<'_> {
         tell(&Sent { file, receipt });
     }
 
-    /// Has the server keep the file at `path`, if no centre has spoken of it, it does not, and not too many are on their way.
+    /// Publishes the file at `path` if it has no receipt and is not on the server, and not too many are on their way.
     async fn put(&mut self, carrier: &JetStream, path: &PathBuf, trouble: &mut Trouble) -> Result<()> {
         let (is_sent, digest) = match self.files.get(path) {
             None | Some(State::Settled { .. }) => return Ok(()),

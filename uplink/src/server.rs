@@ -22,7 +22,7 @@ const NATS_CREDENTIALS: &str = "-----BEGIN NATS";
 pub struct Access {
     /// `nats://HOST:PORT` or `tls://HOST:PORT`; servers of a cluster are separated by commas.
     pub servers: String,
-    /// Certificates (PEM) of who vouches for the server; with it the connection is encrypted.
+    /// Certificates (PEM) of the server's authority; with it the connection is encrypted.
     pub ca_file: Option<PathBuf>,
     /// A `.creds` file of NATS, or a file with a user's name and password, a line each.
     pub credentials_file: Option<PathBuf>,
@@ -56,8 +56,8 @@ impl Server {
     /// Reads what `access` names, and checks it.
     ///
     /// # Errors
-    /// An address that is none, files that cannot be read or that others can read, and a connection that would leave this machine
-    /// without encryption.
+    /// An invalid address, files that cannot be read or that others can read, and a connection that would leave this
+    /// machine without encryption.
     pub fn new(access: &Access) -> Result<Self> {
         let servers: Vec<ServerAddr> = access.servers.split(',').map(address).collect::<Result<_>>()?;
         let tls_count = servers.iter().filter(|server| server.tls_required()).count();
@@ -112,12 +112,12 @@ impl Credentials {
         if text.contains(NATS_CREDENTIALS) {
             return Ok(Self::Nats(text));
         }
-        Ok(Self::User(User::in_text(&text, file).context("no .creds file of NATS")?))
+        Ok(Self::User(User::in_text(&text, file).context("not a .creds file of NATS")?))
     }
 }
 
 fn address(text: &str) -> Result<ServerAddr> {
-    let expected = || format!("{text:?} is no address of a server: must be nats://HOST:PORT or tls://HOST:PORT");
+    let expected = || format!("{text:?} is not an address of a server: must be nats://HOST:PORT or tls://HOST:PORT");
     let server: ServerAddr = text.trim().parse().ok().with_context(expected)?;
     ensure!(["nats", "tls"].contains(&server.scheme()) && !server.host().is_empty(), expected());
     ensure!(
@@ -132,7 +132,7 @@ fn shown(server: &ServerAddr) -> String {
     format!("{}://{}", server.scheme(), host_and_port(server))
 }
 
-/// An address of IPv6 stands in brackets.
+/// An IPv6 address is put in brackets.
 fn host_and_port(server: &ServerAddr) -> String {
     let (host, port) = (server.host(), server.port());
     if host.contains(':') { format!("[{host}]:{port}") } else { format!("{host}:{port}") }
@@ -148,7 +148,7 @@ mod tests {
         Server::new(access).map_or_else(|error| format!("{error:#}"), |server| server.shown())
     }
 
-    /// Catches a connection that others can read without having been asked for, and an address that hides a password.
+    /// Catches an unencrypted connection that nobody asked for, and an address that hides a password.
     #[test]
     fn a_connection_that_leaves_the_machine_is_encrypted() {
         let at = |servers: &str| Access { servers: servers.to_owned(), ..Access::default() };
@@ -159,8 +159,8 @@ mod tests {
             ("nats://centre:4222", "nats://centre:4222: what is sent leaves this machine, unencrypted"),
             ("nats://127.0.0.1:1,nats://10.0.0.1:2", "nats://10.0.0.1:2: what is sent leaves"),
             ("tls://a:1,nats://127.0.0.1:2", "some are tls:// and some are not"),
-            ("http://centre", "no address of a server"),
-            ("", "no address of a server"),
+            ("http://centre", "not an address of a server"),
+            ("", "not an address of a server"),
             ("nats://me:secret@127.0.0.1:1", "a password in an address"),
         ] {
             let outcome = outcome(&at(servers));

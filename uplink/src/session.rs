@@ -1,4 +1,4 @@
-//! Tries again after any trouble, and says each once.
+//! Tries again after any trouble, and logs each once.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -10,10 +10,10 @@ use tapline_host::messages::with_causes;
 /// Time until the next attempt after a trouble: at first, and at most.
 const AGAIN_AFTER: (Duration, Duration) = (Duration::from_millis(500), Duration::from_secs(10));
 
-/// How long who works once tries without getting on.
+/// How long a single run tries without progress.
 const ONCE_WITHIN: Duration = Duration::from_secs(60);
 
-/// How often it is looked whether to stop.
+/// How often to check whether to stop.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
 /// When to end.
@@ -21,7 +21,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(100);
 pub struct Until {
     /// Ends when this is set.
     pub stop: Arc<AtomicBool>,
-    /// Ends also when there is nothing left to do, and fails if it has not got on for a minute.
+    /// Also ends when there is nothing left to do, and fails after a minute without progress.
     pub is_once: bool,
 }
 
@@ -53,12 +53,12 @@ impl Trouble {
         let since = self.0.as_ref().map_or_else(Instant::now, |(_, since)| *since);
         match self.0.as_ref().is_some_and(|(before, _)| *before == text) {
             true => tracing::debug!("{text}"),
-            false => tracing::warn!("{text}; it is tried again"),
+            false => tracing::warn!("{text}; trying again"),
         }
         self.0 = Some((text, since));
     }
 
-    /// Counts its time anew, as something went well meanwhile; that does not end it.
+    /// Restarts its time, as something went well meanwhile; that does not end it.
     pub(crate) fn starts_over(&mut self) {
         if let Some((_, since)) = &mut self.0 {
             *since = Instant::now();
@@ -78,12 +78,12 @@ impl Trouble {
 }
 
 /// Runs `work`, one attempt after the other, each with a connection of its own, until one is done or it is over. An attempt calls
-/// [`Trouble::ends`] when it has got on, and looks itself whether it is over wherever it may go round without waiting for anything.
+/// [`Trouble::ends`] when it has made progress, and checks whether it is over wherever it may loop without waiting.
 pub(crate) fn run(until: &Until, work: impl AsyncFnMut(&mut Trouble) -> Result<()>) -> Result<()> {
     run_within(until, ONCE_WITHIN, work)
 }
 
-/// As [`run`]; who works once fails when a trouble has lasted for `once_within`.
+/// As [`run`]; a single run fails when a trouble has lasted for `once_within`.
 fn run_within(
     until: &Until,
     once_within: Duration,
@@ -117,7 +117,7 @@ mod tests {
 
     use super::*;
 
-    /// Catches a job that hangs for ever as no server is there, and one that fails at a trouble which was soon over.
+    /// Catches a job that hangs for ever because there is no server, and one that fails on trouble that was soon over.
     #[test]
     fn who_works_once_does_not_try_for_ever() {
         let until = Until { stop: Arc::default(), is_once: true };

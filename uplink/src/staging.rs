@@ -13,7 +13,7 @@ use sha2::{Digest as _, Sha256};
 
 use crate::file::CasingFile;
 
-/// Where files are that come in. Verbs that read a folder of archives skip hidden ones.
+/// Folder of incoming files. Verbs that read a folder of archives skip hidden ones.
 const INCOMING: &str = ".incoming";
 
 /// In it: the name of this collector, and that a process works here.
@@ -29,7 +29,7 @@ pub(crate) struct Folder {
 }
 
 impl Folder {
-    /// Opens the folder at `path`, made if it is not there. The collector is called after `host`.
+    /// Opens the folder at `path`, which is made if missing. The collector is named after `host`.
     pub(crate) fn open(path: &Path, host: &str) -> Result<Self> {
         let incoming = path.join(INCOMING);
         fs::create_dir_all(&incoming).with_context(|| format!("cannot make {}", incoming.display()))?;
@@ -63,7 +63,7 @@ impl Folder {
         self.path.join(INCOMING).join(file.path())
     }
 
-    /// Has the draft of `file` on the disk, its name too.
+    /// Syncs the draft of `file`, and its name, to the disk.
     pub(crate) fn keep_draft(&self, file: &CasingFile) -> Result<()> {
         let draft = self.draft(file);
         File::open(&draft)
@@ -79,7 +79,7 @@ impl Folder {
         File::create(&draft).with_context(|| format!("cannot write {}", draft.display()))
     }
 
-    /// Puts the draft of `file` in its place, and has that on the disk. A file that is there stays.
+    /// Puts the draft of `file` in its place, and syncs that to the disk. An existing file stays.
     pub(crate) fn put_in_place(&self, file: &CasingFile) -> Result<()> {
         let (draft, place) = (self.draft(file), self.place(file));
         make_folder_of(&place)?;
@@ -150,7 +150,7 @@ fn make_folder_of(path: &Path) -> Result<()> {
     fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))
 }
 
-/// Has the names of `path`, and of its folders below `top`, on the disk.
+/// Syncs the names of `path`, and of its folders below `top`, to the disk.
 fn sync_folders(path: &Path, top: &Path) -> Result<()> {
     for folder in path.ancestors().skip(1).take_while(|folder| folder.starts_with(top)) {
         let context = || format!("cannot write {}", folder.display());

@@ -58,7 +58,7 @@ impl<'a> Head<'a> {
         0..self.block_count
     }
 
-    /// Where `blocks` lie in the chunk; within `0..chunk_bytes` whatever the offsets say.
+    /// Where `blocks` lie in the chunk; within `0..chunk_bytes` even if the offsets are damaged.
     pub fn extent(&self, blocks: &Range<usize>) -> Range<usize> {
         let end = self.begin(blocks.end).min(self.chunk_bytes);
         self.begin(blocks.start).min(end)..end

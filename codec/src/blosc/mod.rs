@@ -1,4 +1,4 @@
-//! Chunks of Blosc 1: a header, the offsets of the blocks, and blocks of bit planes, each packed by LZ4.
+//! Chunks of Blosc 1: a header, the offsets of the blocks, and blocks of bit planes, each packed with LZ4.
 //!
 //! The C library uses the vector instructions that it was compiled for, not those of the machine, and packs each byte of the
 //! samples separately, so that planes of the high byte cannot repeat the last plane of the low byte. Here a block is packed as
@@ -13,7 +13,7 @@ pub use head::Head;
 use crate::lz4;
 use crate::planes::{from_planes, to_planes};
 
-/// Bytes of a block: 4096 samples of 16 bits, so that the beginning of a record can be unpacked alone.
+/// Bytes of a block: 4096 samples of 16 bits, so that the beginning of a record can be unpacked separately.
 const BLOCK_BYTES: usize = 8192;
 
 /// Bytes of the longest record: lengths and offsets in a chunk are signed numbers of 32 bits, also of blocks that do not pack.

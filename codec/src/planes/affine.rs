@@ -1,5 +1,5 @@
 //! Planes of bits of 16-bit samples on processors that multiply matrices of bits (GFNI): eight bytes are transposed at once.
-#![expect(unsafe_code, reason = "functions that need GFNI may be called on processors with GFNI alone")]
+#![expect(unsafe_code, reason = "functions that need GFNI may be called only on processors with GFNI")]
 
 use std::arch::is_x86_feature_detected;
 use std::arch::x86_64::{

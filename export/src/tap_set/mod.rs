@@ -1,7 +1,7 @@
 //! The taps of an archive as a tap set: a folder that can be scanned again and gives the same contents.
 //!
 //! Samples, scales, velocities, distances, angles, closing taps, stations, attempts, times and truth come back bit for bit, and a
-//! refused tap is refused again for the same reason. These come back otherwise or not at all: the kind of the source, which is
+//! refused tap is refused again for the same reason. These change or are lost: the kind of the source, which is
 //! then a tap set, and so the digest of the plan; when and as which record a tap was sent; missing and corrupt taps, which are
 //! refused; the maximum of samples, if no archived tap has as many; and recordings with a sample that is not a number, which
 //! tap sets do not permit.
@@ -31,7 +31,7 @@ struct Alike {
     path: PathBuf,
     geometry: Geometry,
     recording: Recording,
-    /// As the first of them has it; those of the others may differ in what affects no result.
+    /// That of the first archive; those of the others may differ in what affects no result.
     config: String,
     /// Every option that affects results.
     options: Vec<String>,
@@ -70,11 +70,11 @@ impl Alike {
             && ours.channels == theirs.channels;
         match () {
             () if !is_alike => {
-                Some("its taps are recorded otherwise (rate, format, channels, or samples before the trigger)")
+                Some("the recording of its taps (rate, format, channels, or samples before the trigger) differs")
             }
-            () if plan.geometry != self.geometry => Some("its geometry is another"),
-            () if options(reader) != self.options => Some("its options are others"),
-            () if reader.reference() != self.reference.as_deref() => Some("its reference is another"),
+            () if plan.geometry != self.geometry => Some("its geometry differs"),
+            () if options(reader) != self.options => Some("its options differ"),
+            () if reader.reference() != self.reference.as_deref() => Some("its reference differs"),
             () => None,
         }
     }
@@ -115,7 +115,7 @@ impl TapSetFolder {
         }
         let alike = self.alike.get_or_insert_with(|| Alike::new(reader));
         if let Some(what) = alike.difference(reader) {
-            let what = format!("{what} than that of {}: export them one by one", alike.path.display());
+            let what = format!("{what} from what {} has: export them one by one", alike.path.display());
             return Err(no_tap_set(reader, what));
         }
         alike.recording.sample_count_max =
@@ -123,7 +123,7 @@ impl TapSetFolder {
         let mut of_archive = BTreeSet::new();
         for scan in reader.plan().scans() {
             if of_archive.insert(scan.tyre) && !self.tyres.insert(scan.tyre) {
-                let what = format!("{} is in an archive before it, and a tap set has each casing once", scan.tyre);
+                let what = format!("{} is also in an earlier archive, and a tap set has each casing once", scan.tyre);
                 return Err(no_tap_set(reader, what));
             }
         }
@@ -213,7 +213,7 @@ fn scales_of(reader: &Reader, tap: &ListedTap<'_>, header: &TapHeader) -> Result
         if !(full_scale > 0.0 && full_scale <= FULL_SCALE_MAX) {
             let (name, id) = (channel.name(), tap.planned.id);
             let what =
-                format!("the {name} of {id} has full scale {full_scale}; above 0 to {FULL_SCALE_MAX} can be stated");
+                format!("the {name} of {id} has full scale {full_scale}; it must be above 0 to {FULL_SCALE_MAX}");
             return Err(no_tap_set(reader, what));
         }
         scales.set(channel, Some(full_scale), reader.plan().recording.calibration.unit(channel));

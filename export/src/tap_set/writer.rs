@@ -1,4 +1,4 @@
-//! A tap set that is written tap by tap: what an archive and recordings of others become.
+//! A tap set that is written tap by tap: from archives, or from other programs' recordings.
 
 use std::fs::File;
 use std::path::Path;
@@ -147,7 +147,7 @@ impl TapSetWriter {
         self.draft.present()
     }
 
-    /// Has the folder appear.
+    /// Makes the folder appear.
     ///
     /// # Errors
     /// An error of writing.

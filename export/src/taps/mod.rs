@@ -190,7 +190,7 @@ pub(crate) fn known(value: Option<f64>) -> String {
     value.filter(|value| value.is_finite()).map_or_else(String::new, number_text)
 }
 
-/// The samples of channel `channel` in newtons or volts.
+/// The samples of channel `channel` in its unit.
 pub(crate) fn physical(samples: &OwnedSamples, channel: usize, sample_count: usize, unit_per_count: f64) -> Vec<f64> {
     let range = channel * sample_count..(channel + 1) * sample_count;
     match samples {
@@ -199,7 +199,7 @@ pub(crate) fn physical(samples: &OwnedSamples, channel: usize, sample_count: usi
     }
 }
 
-/// A name for each scan that every file system permits: of letters, digits, '-' and '_', different for each scan, and none that
+/// A name for each scan that every file system permits: letters, digits, '-', '_' and '.', all different, and none that
 /// `is_taken`.
 pub(crate) fn scan_names(plan: &Plan, is_taken: impl Fn(&str) -> bool) -> Vec<String> {
     let mut taken = BTreeSet::new();

@@ -13,7 +13,7 @@ use crate::series::{SAMPLES_MAX, Series};
 /// Longest header.
 const HEADER_BYTES_MAX: u64 = 1 << 20;
 
-/// A CSV file. Cells are parted by commas, semicolons or tabs: by what the header has most of.
+/// A CSV file. Cells are separated by commas, semicolons or tabs, whichever the header has most of.
 #[derive(Debug)]
 pub(crate) struct CsvTable {
     path: PathBuf,
@@ -35,7 +35,7 @@ impl CsvTable {
         };
         table.names = header.iter().map(name).collect::<Result<_, Fault>>()?;
         if table.names.iter().all(|name| name.parse::<f64>().is_ok()) {
-            return broken("its first line has no names but numbers; it must be a header that names the columns");
+            return broken("its first line has numbers, not names; it must be a header that names the columns");
         }
         Ok(table)
     }
@@ -64,7 +64,7 @@ impl Recorded for CsvTable {
             let cell = record.get(place).unwrap_or_default();
             let number: Option<f32> = std::str::from_utf8(cell).ok().and_then(|text| match self.delimiter {
                 b',' => text.parse().ok(),
-                // Where commas do not part cells, they may be decimal ones.
+                // If commas do not separate cells, they may be decimal commas.
                 _ => text.replacen(',', ".", 1).parse().ok(),
             });
             let Some(number) = number else {

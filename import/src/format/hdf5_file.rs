@@ -15,7 +15,7 @@ use crate::series::{Series, checked_count};
 /// Attributes that name a unit.
 const UNIT_NAMES: [&str; 3] = ["unit", "units", "unit_string"];
 
-/// Attributes of what MATLAB wrote, and of what is empty of that.
+/// Attributes of a variable that MATLAB wrote, and of an empty one.
 const MATLAB_CLASS: &str = "MATLAB_class";
 const MATLAB_EMPTY: &str = "MATLAB_empty";
 
@@ -59,7 +59,7 @@ impl Hdf5File {
         match channel {
             Pick::Name(name) if has(&group, name) => {
                 let dataset = group.dataset(name);
-                Ok((dataset.map_err(|_no_dataset| Fault::Broken(format!("{name:?} is no dataset")))?, line_of_part))
+                Ok((dataset.map_err(|_no_dataset| Fault::Broken(format!("{name:?} is not a dataset")))?, line_of_part))
             }
             Pick::Number(number) => {
                 // The lines of the only dataset, or the datasets in the order of their names.
@@ -126,7 +126,7 @@ impl Hdf5File {
 }
 
 fn has(group: &Group, path: &str) -> bool {
-    // The library asks that each step of a path be there before the next is asked for.
+    // The library requires that each step of a path exists before the next is looked up.
     let mut upto = String::new();
     path.trim_matches('/').split('/').all(|step| {
         upto = if upto.is_empty() { step.to_owned() } else { format!("{upto}/{step}") };
@@ -136,7 +136,7 @@ fn has(group: &Group, path: &str) -> bool {
 
 fn fault_of(error: hdf5::Error) -> Fault {
     let text = error.to_string();
-    Fault::Broken(format!("is no sound HDF5: {}", text.lines().next().unwrap_or_default()))
+    Fault::Broken(format!("is not valid HDF5: {}", text.lines().next().unwrap_or_default()))
 }
 
 fn missing(channel: &Pick, known: &[String]) -> Fault {

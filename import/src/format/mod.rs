@@ -47,7 +47,7 @@ impl Pick {
     }
 }
 
-/// The place, from 0, of the channel `name` among `names`: as it is written, or else the only one that differs in case alone.
+/// The place, from 0, of the channel `name` among `names`: as it is written, or else the only one that differs in case.
 fn place_of<'a>(name: &str, names: impl Iterator<Item = &'a str> + Clone) -> Option<usize> {
     names.clone().position(|known| known == name).or_else(|| {
         let lower = name.to_lowercase();
@@ -125,7 +125,7 @@ pub(crate) fn open(file: &Path) -> Result<Box<dyn Recorded>, Fault> {
         Some(Kind::Tdms) => Box::new(tdms::Tdms::open(file)?),
         None => {
             let known = ENDINGS.map(|(ending, _)| ending).join(", ");
-            return broken(format!("its ending is none that is read: {known}"));
+            return broken(format!("its ending is not one that is read: {known}"));
         }
     })
 }
@@ -195,11 +195,11 @@ fn line_of(shape: &[u64], number: Option<usize>, time_axis: Option<u8>) -> Resul
     Ok(Line { time_axis: axis, place, sample_count })
 }
 
-/// Scalars that tell the rate of samples, and the samples before the trigger, wherever a format has room for them.
+/// Names of scalars with the sample rate, and with the samples before the trigger, in formats that can hold them.
 const RATE_NAMES: [&str; 4] = ["sample_rate_hz", "sample_rate", "fs", "Fs"];
 const PRE_TRIGGER_NAME: &str = "pre_trigger_samples";
 
-/// What is added to the name of a channel of MATLAB for that of the text with its unit, and what that must be.
+/// Suffix of a MATLAB channel's name that gives the name of the text with its unit, and what that text must be.
 const UNIT: &str = "_unit";
 const UNIT_BOUND: &str = "it must be a text with the unit of the channel, such as \"N\" or \"V\"";
 

@@ -67,7 +67,7 @@ impl Uff {
             }
         }
         match (is_uff, uff.functions.is_empty()) {
-            (false, _) => broken("is no Universal File: no line of it is -1"),
+            (false, _) => broken("is not a Universal File: none of its lines is -1"),
             (true, true) => broken("has no dataset 58"),
             _ => Ok(uff),
         }
@@ -294,7 +294,7 @@ impl Recorded for Uff {
     }
 }
 
-/// The rate of a time step that has six digits: the stated one if it is this one, else whole hertz if these are.
+/// The rate of a time step that has six digits: the stated rate if it agrees, else whole hertz if they agree.
 fn rate_of(step_s: f64, stated_hz: Option<f64>) -> Option<f64> {
     let rate_hz = 1.0 / step_s;
     let candidates = [stated_hz, Some(rate_hz.round())].into_iter().flatten();

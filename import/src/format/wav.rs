@@ -43,7 +43,7 @@ impl Wav {
         match (&header[..4], &header[8..]) {
             (b"RIFF", b"WAVE") => {}
             (b"RF64" | b"RIFX", _) => return broken("RF64 and RIFX are not read, only RIFF"),
-            _ => return broken("is no WAV: it does not start with RIFF and WAVE"),
+            _ => return broken("is not WAV: it does not start with RIFF and WAVE"),
         }
         let mut plain = Vec::new();
         for _ in 0..CHUNKS_MAX {
@@ -97,9 +97,9 @@ fn take<const N: usize>(file: &mut impl Read) -> Result<[u8; N], Fault> {
 fn fault_of(error: &hound::Error) -> Fault {
     match error {
         hound::Error::Unsupported => {
-            Fault::Broken("its samples are none that are read: integers of 8, 16, 24 and 32 bit, or floats".into())
+            Fault::Broken("its kind of samples is not read: only integers of 8, 16, 24 and 32 bits, and floats".into())
         }
-        error => Fault::Broken(format!("is no sound WAV: {error}")),
+        error => Fault::Broken(format!("is not valid WAV: {error}")),
     }
 }
 

@@ -17,10 +17,10 @@ use super::place::{Key, Place};
 /// Name of the file that is in the folder of every job that was done.
 pub const COMMIT_FILE: &str = "_committed.json";
 
-/// Name of the object that says where the archives are that a job in object storage judged: names of files, and addresses.
+/// Name of the object that says where the archives of a job in object storage are: names of files, and addresses.
 pub(crate) const ARCHIVES_FILE: &str = "_archives.json";
 
-/// What the names of the folders of jobs begin with, and how many hexadecimal digits follow.
+/// Prefix of the names of job folders, and how many hexadecimal digits follow.
 pub(crate) const JOB_PREFIX: &str = "run=";
 pub(crate) const JOB_DIGITS: usize = 16;
 
@@ -117,7 +117,7 @@ fn label(place: &Place) -> Result<String> {
 
 fn in_folder(folder: &Path, is_results: bool) -> Result<Vec<CasingFile>> {
     let absolute = folder.canonicalize().with_context(|| format!("cannot read {}", folder.display()))?;
-    ensure!(absolute.is_dir(), "{} is no folder", folder.display());
+    ensure!(absolute.is_dir(), "{} is not a folder", folder.display());
     let sorted = Folder::list(&absolute)?.sorted();
     if let Some(remark) = sorted.without_results(folder).filter(|_| is_results) {
         print_line(&format!("tapline-query: {remark}"));

@@ -1,4 +1,4 @@
-//! Objects under the keys of a bucket, by the crate `object_store`, in the way of S3.
+//! Objects under the keys of a bucket, through the crate `object_store`, as in S3.
 //!
 //! Server, keys and region come from the variables `AWS_...`.
 
@@ -113,7 +113,7 @@ fn said(error: Error) -> anyhow::Error {
 }
 
 fn path(key: &Key) -> Result<ObjectPath> {
-    ObjectPath::parse(&key.key).with_context(|| format!("{key} cannot be a key"))
+    ObjectPath::parse(&key.key).with_context(|| format!("{key} is not a valid key"))
 }
 
 /// All objects below `keys`, in the order of their keys.
@@ -203,7 +203,7 @@ pub(crate) async fn put(from: &Path, key: &Key, is_new: bool) -> Result<Put> {
     let context = || format!("cannot read {}", from.display());
     let bytes = tokio::fs::metadata(from).await.with_context(context)?.len();
     if bytes > BYTES_MAX {
-        bail!("{} has {bytes} bytes; an object may have {BYTES_MAX}", from.display());
+        bail!("{} has {bytes} bytes; an object may have at most {BYTES_MAX}", from.display());
     }
     put_bytes(tokio::fs::read(from).await.with_context(context)?, key, is_new).await
 }

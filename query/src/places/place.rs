@@ -9,7 +9,7 @@ use anyhow::{Context as _, Result, ensure};
 /// What the address of an object begins with.
 const SCHEME: &str = "s3://";
 
-/// A folder, or what stands for one in object storage.
+/// A folder, or its equivalent in object storage.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Place {
     /// A folder of this host.
@@ -106,7 +106,7 @@ impl Place {
                 let context = |folder: &Path| format!("cannot read {}", folder.display());
                 let other = other.canonicalize().with_context(|| context(other))?;
                 let this = std::path::absolute(this).with_context(|| context(this))?;
-                // Also where a link leads there; what is not there yet lies where what is above it does.
+                // Also if a link leads there; what does not exist yet lies where its existing parent does.
                 let real = this.ancestors().find_map(|above| above.canonicalize().ok());
                 Ok(this.starts_with(&other) || real.is_some_and(|real| real.starts_with(&other)))
             }

@@ -142,7 +142,7 @@ mod tests {
         assert!(refusal.to_string().contains("has version 9"), "{refusal}");
     }
 
-    /// Catches a leaf of our own, of which every task would do all the files, and a node that is cut or shuffled otherwise.
+    /// Catches a leaf of our own, with which every task would do all files, and a node cut or shuffled differently.
     #[tokio::test]
     async fn the_leaf_is_a_standard_one_with_a_partition_for_each_batch_of_files() {
         let state = SessionContext::new().state();

@@ -27,10 +27,10 @@ const WAITING_MAX: usize = 2;
 /// How often to look whether work has ended.
 const SETTLE_EVERY: Duration = Duration::from_millis(20);
 
-/// How many files this process works on at a time, and leave for each.
+/// How many files this process works on at a time, and a permit for each.
 static WORKERS: OnceLock<(usize, Semaphore)> = OnceLock::new();
 
-/// Has this process work on at most `count` files at a time; the first call holds.
+/// Makes this process work on at most `count` files at a time; the first call counts.
 pub(crate) fn limit_workers(count: usize) {
     WORKERS.get_or_init(|| (count.max(1), Semaphore::new(count.max(1))));
 }
@@ -40,7 +40,7 @@ fn workers() -> &'static (usize, Semaphore) {
     WORKERS.wait()
 }
 
-/// Begins no other file, and waits for those that are under way: after an error some may be, and they need the runtime.
+/// Begins no more files, and waits for those under way: after an error there may be some, and they need the runtime.
 pub async fn settle() {
     let (count, leave) = workers();
     leave.close();
@@ -136,7 +136,7 @@ impl ExecutionPlan for FilesExec {
                 for file in files(&batch?)? {
                     for rows in of_file(task.clone(), projection.clone(), file).await? {
                         if send.send(Ok(rows)).await.is_err() {
-                            // Who reads has had enough.
+                            // The reader wants no more.
                             return Ok(());
                         }
                     }
@@ -155,7 +155,7 @@ impl ExecutionPlan for FilesExec {
 /// The files that a batch names.
 fn files(batch: &RecordBatch) -> Result<Vec<CasingFile>> {
     let column = batch.columns().first().and_then(|column| column.as_any().downcast_ref::<StringArray>());
-    let Some(column) = column else { return internal_err!("the files of a plan have not the column file") };
+    let Some(column) = column else { return internal_err!("the files of a plan do not have the column file") };
     let file =
         |text| serde_json::from_str::<CasingFile>(text).map_err(|error| DataFusionError::External(Box::new(error)));
     column.iter().flatten().map(file).collect()

@@ -36,7 +36,7 @@ impl Job {
         };
         let task = ReprocessTask { staging: String::new(), ..task.clone() };
         part(&VERSION.to_le_bytes());
-        part(&serde_json::to_vec(&task).context("a task does not fit JSON")?);
+        part(&serde_json::to_vec(&task).context("a task cannot be written as JSON")?);
         let end = |file: &CasingFile| {
             let file = file.clone();
             async move { file.end().await?.with_context(|| format!("{} is gone", file.path)) }
@@ -79,7 +79,7 @@ pub struct Row {
     pub blake3: Option<String>,
 }
 
-/// What the commit file says: the same of the same job, whatever engine did it.
+/// What the commit file says: the same for the same job, on any engine.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Committed {
     /// Version of this file.
@@ -111,7 +111,7 @@ impl Committed {
             },
         };
         let Some(text) = text else { return Ok(None) };
-        let committed: Self = serde_json::from_slice(&text).with_context(|| format!("{path} is no commit file"))?;
+        let committed: Self = serde_json::from_slice(&text).with_context(|| format!("{path} is not a commit file"))?;
         ensure!(
             committed.version == VERSION,
             "{path} has version {}, and this program reads {VERSION}",
@@ -125,7 +125,7 @@ impl Committed {
     /// # Errors
     /// None that is known.
     pub(super) fn text(&self) -> Result<Vec<u8>> {
-        serde_json::to_vec_pretty(self).context("the commit file does not fit JSON")
+        serde_json::to_vec_pretty(self).context("the commit file cannot be written as JSON")
     }
 
     /// Files that could not be judged.

@@ -37,7 +37,7 @@ pub(super) fn out_place(out: &Place, places: &[Place]) -> Result<Place> {
                 bail!("--out {out} is a folder, and {place} is not: give --out s3://BUCKET/FOLDER")
             }
             (Place::Keys(_), Place::Folder(_)) => {
-                bail!("--out {out} is no folder, and {place} is one: copy the archives into the bucket first")
+                bail!("--out {out} is not a folder, but {place} is: copy the archives into the bucket first")
             }
             _ => ensure!(
                 !out.lies_in(place)?,
@@ -71,7 +71,7 @@ impl Gathering {
         }
     }
 
-    /// Makes what was gathered the job's folder, with its commit file; `false` if it was committed meanwhile.
+    /// Turns what was gathered into the job's folder, with its commit file; `false` if it was committed meanwhile.
     ///
     /// # Errors
     /// Results that are not there, and what the system or the server returns. Nothing is committed then.
@@ -97,7 +97,7 @@ async fn commit_keys(keys: &Key, committed: &Committed, files: &[CasingFile]) ->
     let rows = stream::iter(committed.rows.iter().map(is_there));
     rows.buffer_unordered(AT_A_TIME).try_collect::<()>().await?;
     let archives: BTreeMap<&str, &str> = files.iter().map(|file| (file.name.as_str(), file.path.as_str())).collect();
-    let archives = serde_json::to_vec_pretty(&archives).context("the places of archives do not fit JSON")?;
+    let archives = serde_json::to_vec_pretty(&archives).context("the places of archives cannot be written as JSON")?;
     objects::put_bytes(archives, &keys.join(ARCHIVES_FILE), false).await?;
     let put = objects::put_bytes(committed.text()?, &keys.join(COMMIT_FILE), true).await?;
     Ok(put == Put::Done)

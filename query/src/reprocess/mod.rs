@@ -3,7 +3,7 @@
 //! `tapline reprocess` judges each casing file in a folder of its own, beside a link to the archive. What it writes is the same on
 //! every engine. The results gather in a staging folder, which one rename makes the job's folder, with its commit file in it; in
 //! object storage they gather under the job's keys, and count once the commit file is there, which only one client can put.
-//! Tasks may be done twice or by a host that was given up, and the job is still there once, or not at all.
+//! Even if tasks are done twice, or by a host that was taken for lost, the job is there once, or not at all.
 
 mod commit;
 mod gathering;
@@ -34,7 +34,7 @@ pub struct Order {
     /// Folder for the folders of jobs, or s3://BUCKET/FOLDER; on a cluster every host must reach it under this name.
     #[arg(long, value_name = "DIR|s3://BUCKET/DIR")]
     pub out: Place,
-    /// Configuration whose tables `process` and `fuse` take the place of the archives', as for `tapline reprocess`.
+    /// Configuration whose tables `process` and `fuse` replace those of the archives, as for `tapline reprocess`.
     #[arg(long)]
     pub config: Option<PathBuf>,
     /// What shoulders are compared with, as for `tapline reprocess`.
@@ -109,7 +109,7 @@ fn rows_of(batches: &[RecordBatch]) -> Result<Vec<Row>> {
     writer.finish()?;
     let lines = writer.into_inner();
     let rows = serde_json::Deserializer::from_slice(&lines).into_iter::<Row>().collect::<Result<Vec<_>, _>>();
-    let mut rows = rows.context("what came back is no row")?;
+    let mut rows = rows.context("what came back is not a row")?;
     rows.sort_by(|a, b| a.file.cmp(&b.file));
     Ok(rows)
 }

@@ -76,7 +76,7 @@ impl Staging {
         Ok(path.to_str().with_context(|| format!("the name of {} is not UTF-8", path.display()))?.to_owned())
     }
 
-    /// Makes what was gathered the folder `to`, with its commit file; `false` if that folder was committed meanwhile.
+    /// Turns what was gathered into the folder `to`, with its commit file; `false` if it was committed meanwhile.
     ///
     /// # Errors
     /// Results that are not there, and what the system returns. Nothing is committed then.
@@ -88,7 +88,7 @@ impl Staging {
                 from.join(results).metadata().with_context(|| format!("the results of {} are gone", row.file))?;
             ensure!(there.len() == bytes, "the results of {} have {} bytes, not {bytes}", row.file, there.len());
         }
-        // Results are read with the samples of their archive, which they look for beside themselves.
+        // Results are read with the samples of their archive, which is looked for in the same folder.
         for file in files {
             let link = from.join(&file.name);
             symlink(&file.path, &link).with_context(|| format!("cannot make the link {}", link.display()))?;

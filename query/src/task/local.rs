@@ -9,7 +9,7 @@ use tokio::runtime::Handle;
 
 use crate::places::{CasingFile, Key, objects};
 
-/// A casing file that can be opened: itself, or an object that was fetched, which goes with this value.
+/// A casing file that can be opened: itself, or a fetched object, which is removed with this value.
 #[derive(Debug)]
 pub(crate) struct Local {
     path: PathBuf,
@@ -17,7 +17,7 @@ pub(crate) struct Local {
 }
 
 impl Local {
-    /// Has `file` here; `Err` with the reason if an object is gone or another.
+    /// Gets `file` here; `Err` with the reason if an object is gone or replaced.
     ///
     /// # Errors
     /// An object that cannot be read now, and a disk that cannot hold it: another host may do better.

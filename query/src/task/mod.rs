@@ -35,7 +35,7 @@ pub enum Task {
 }
 
 impl Task {
-    /// Columns of the rows: those of the file are between its name, and what came of it.
+    /// Columns of the rows: the file's name, its own columns, and what came of it.
     pub fn schema(&self) -> SchemaRef {
         let of_file = match self {
             Self::Read(table) => columns(*table).into_iter().map(|column| field(&column)).collect(),
@@ -46,7 +46,7 @@ impl Task {
         Arc::new(Schema::new([file].into_iter().chain(of_file).chain(ends).collect::<Vec<_>>()))
     }
 
-    /// Does it with `file`, and returns its rows; one row with the error if that file cannot be done.
+    /// Does the task with `file`, and returns its rows; one row with the error if it cannot be done.
     ///
     /// # Errors
     /// Where no file can be done: the folder of the job is gone, the program is another one, or object storage cannot be reached.

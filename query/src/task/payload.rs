@@ -36,7 +36,7 @@ impl Payload {
     /// # Errors
     /// More bytes than a message of Ballista can have.
     pub(crate) fn encode(&self, bytes: &mut Vec<u8>) -> Result<()> {
-        let body = serde_json::to_vec(self).context("a task does not fit JSON")?;
+        let body = serde_json::to_vec(self).context("a task cannot be written as JSON")?;
         let count: usize = self.partitions.iter().map(Vec::len).sum();
         ensure!(
             body.len() <= BYTES_MAX,

@@ -20,7 +20,7 @@ pub struct Program {
 }
 
 impl Program {
-    /// That which the variable `TAPLINE` names, or else `tapline` beside this program.
+    /// The one that the variable `TAPLINE` names, or else `tapline` beside this program.
     ///
     /// # Errors
     /// It is not there.
@@ -29,7 +29,7 @@ impl Program {
             Some(path) => PathBuf::from(path),
             None => env::current_exe().context("cannot find this program itself")?.with_file_name("tapline"),
         };
-        ensure!(path.is_file(), "the program {} is not there: set {VARIABLE} to that of tapline", path.display());
+        ensure!(path.is_file(), "the program {} is not there: set {VARIABLE} to the path of tapline", path.display());
         Ok(Self { path })
     }
 

@@ -107,7 +107,7 @@ impl ReprocessTask {
         ]
     }
 
-    /// Judges the archive again, and moves its results into the staging folder: those of this archive that are there are the same.
+    /// Judges the archive again, and moves its results into the staging folder: existing results of it are the same.
     /// Returns the row of the file, or why it cannot be judged.
     ///
     /// # Errors
@@ -169,7 +169,7 @@ impl ReprocessTask {
 /// What the program printed, or its error without the names of its folder.
 ///
 /// # Errors
-/// The program was killed, or this host has not what it takes: the archive is not to blame.
+/// The program was killed, or this host lacks what it needs: the archive is not to blame.
 fn printed(output: &Output, work: &Path) -> Result<Result<Printed, String>> {
     let Some(code) = output.status.code() else { bail!("tapline reprocess ended with {}", output.status) };
     let out = String::from_utf8_lossy(&output.stdout);

@@ -34,7 +34,7 @@ fn array(values: Values) -> ArrayRef {
     }
 }
 
-/// Puts the name of the file and what came of it around its `rows`; of an error makes the one row that names it.
+/// Puts the name of the file and what came of it around its `rows`; turns an error into the one row that names it.
 ///
 /// # Errors
 /// Columns that are not those of `schema`.

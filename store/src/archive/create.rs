@@ -164,7 +164,7 @@ fn create_truth(file: &File, plan: &Plan) -> hdf5::Result<()> {
     Ok(())
 }
 
-/// Creates the samples: one chunk a tap, with an index that has its final size from the start.
+/// Creates the samples: one chunk per tap, with an index that has its final size from the start.
 ///
 /// Without a codec every chunk is allocated, and is a hole in the file until a tap fills it. The size of a packed chunk is not
 /// known beforehand: the index is filled with the shortest possible chunks, so that a tap later changes one entry in place.
@@ -190,7 +190,7 @@ fn create_samples(file: &File, plan: &Plan, taps_max: usize, codec: Codec) -> hd
         let row_bytes = recording.payload_bytes_max();
         let empty = placeholder(codec, row_bytes / (channel_count * sample_count), row_bytes);
         let rows = ChunkRows::new(dataset.clone(), codec, row_bytes);
-        let rows = rows.ok_or_else(|| hdf5::Error::from("the samples have not the shape they were given"))?;
+        let rows = rows.ok_or_else(|| hdf5::Error::from("the samples do not have the shape they were given"))?;
         (0..).take(taps_max).try_for_each(|row| rows.write(row, &empty))?;
     }
     write_text(&dataset, attribute::CODEC, codec.name())?;

@@ -15,19 +15,19 @@ pub(crate) fn tap_state(path: &Path, k: usize, row: &LedgerRow) -> Result<(TapSt
     if !row.is_valid(k) {
         return Ok((TapState::Missing, 0));
     }
-    let unknown = || Error::damaged(path, format!("row {k} of its ledger has state {}", row.state));
+    let unknown = || Error::damaged(path, format!("row {k} of its ledger has unknown state {}", row.state));
     Ok((row.state().ok_or_else(unknown)?, row.attempt))
 }
 
-/// BLAKE3 of what was recorded in the taps that `ledger` has as archived: which taps they are, how they were recorded, and their
-/// samples. How and when they were sent, and how they are packed, does not enter.
+/// BLAKE3 of what was recorded in the taps that `ledger` lists as archived: which they are, how they were recorded, and
+/// their samples. How and when they were sent, and how they are packed, is not included.
 pub(crate) fn raw_digest(
     path: &Path,
     plan: &Plan,
     ledger: &Table<LedgerRow>,
     headers: &Table<HeaderRow>,
 ) -> Result<Digest> {
-    // All at once: a hasher that is given each number by itself takes ten times as long.
+    // All at once: hashing each number separately takes ten times as long.
     let mut content = plan.digest().to_le_bytes().to_vec();
     let ledger = ledger.read_all().context("read the ledger", path)?;
     let headers = headers.read_all().context("read the headers", path)?;

@@ -1,4 +1,4 @@
-//! What an archive is given at creation and what never changes afterwards, with its digest.
+//! What is set when an archive is created and never changes afterwards, with its digest.
 
 use hdf5::{File, H5Type};
 

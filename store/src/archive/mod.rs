@@ -1,7 +1,7 @@
 //! One archive, created, or opened and checked.
 //!
 //! - here: an open archive and its tables
-//! - `open`: opened: the lock, the seal or the structure, the layout, and whether the tables fit each other
+//! - `open`: opens it; checks the lock, the seal or the structure, the layout, and that the tables fit each other
 //! - `create`: a new archive, every table at its final size
 //! - `metadata`: what never changes after creation, and its digest
 //! - `plan`: the scan plan, with the taps that were added
@@ -57,14 +57,14 @@ pub(crate) struct Archive {
     pub(crate) begun: Plan,
     /// Most taps that it has room for.
     pub(crate) taps_max: usize,
-    /// Row in the damage table of the first cell of every scan, and last the number of rows.
+    /// For every scan, the damage-table row of its first cell; at the end, the number of rows.
     first_cells: Vec<usize>,
     /// Whether it is finished and sealed.
     pub(crate) is_finished: bool,
-    /// What its results were computed by.
+    /// What computed its results.
     pub(crate) made_by: String,
     file: File,
-    /// The archive of the taps, if this one has results alone.
+    /// The archive of the taps, if this one has only results.
     raw: Option<Box<Archive>>,
 }
 
@@ -112,7 +112,7 @@ impl Archive {
         Ok(String::from_utf8_lossy(key.context("read the key of the results", &self.path)?.as_bytes()).into_owned())
     }
 
-    /// Whether this archive has results alone, of the taps of another.
+    /// Whether this archive has only results, of the taps of another.
     pub(crate) fn is_results(&self) -> bool {
         self.raw.is_some()
     }
@@ -122,7 +122,7 @@ impl Archive {
         self.raw.as_ref().map_or(&self.ledger, |raw| &raw.ledger)
     }
 
-    /// The error that this archive is corrupt: `what` says how.
+    /// The error for this corrupt archive: `what` says how.
     pub(crate) fn damaged(&self, what: impl Into<String>) -> Error {
         Error::damaged(&self.path, what)
     }

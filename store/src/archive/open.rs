@@ -1,4 +1,4 @@
-//! Opens an archive: first by plain reads, which nothing in a damaged file can mislead, then through the HDF5 library.
+//! Opens an archive: first with plain reads, which no damaged file can mislead, then through the HDF5 library.
 
 use std::fs::TryLockError;
 use std::io::{ErrorKind, Read as _};
@@ -26,7 +26,7 @@ use crate::h5::text::{read_number, read_text};
 
 const SIGNATURE: &[u8] = b"\x89HDF\r\n\x1a\n";
 
-/// Tries before a lock is believed: for a moment, a process that is being started holds the locks of the process that
+/// Attempts before a lock counts: a process that is being started briefly holds the locks of the process that
 /// starts it.
 const LOCK_TRIES: u32 = 200;
 const LOCK_PAUSE: Duration = Duration::from_millis(10);
@@ -52,7 +52,7 @@ impl Archive {
         }
         .context("open the archive", path)?;
         if access == Access::Write {
-            take_whole_file(&file).context("take the whole file", path)?;
+            take_whole_file(&file).context("claim the whole file", path)?;
         }
         close_in_children(&file).context("keep the archive to this process", path)?;
         check_format(&file, path)?;
@@ -60,7 +60,7 @@ impl Archive {
         let raw = open_raw(&file, path)?;
         let taps_file = raw.as_ref().map_or(&file, |raw| &raw.file);
         let calibration = serde_json::from_slice(&metadata.calibration)
-            .map_err(|error| Error::damaged(path, format!("its calibration is none: {error}")))?;
+            .map_err(|error| Error::damaged(path, format!("its calibration is invalid: {error}")))?;
         check_units(&file, taps_file, &calibration, path)?;
         let Planned { plan, begun } = read_plan(&metadata, calibration, taps_file, path)?;
         if let Some(raw) = raw.as_ref().filter(|raw| raw.plan.digest() != plan.digest()) {
@@ -77,12 +77,12 @@ impl Archive {
         let samples = taps_file.dataset(table::SAMPLES).context("find the samples", path)?;
         let codec = read_text(&samples, attribute::CODEC).context("read the codec", path)?;
         let codec = Codec::from_name(&codec).ok_or_else(|| {
-            Error::damaged(path, format!("its samples are packed by {codec:?}, which is not a codec of archives"))
+            Error::damaged(path, format!("its samples are packed with {codec:?}, which is not a codec of archives"))
         })?;
         let samples = (samples.shape().first() == Some(&taps_max_of_taps))
             .then(|| ChunkRows::new(samples, codec, plan.recording.payload_bytes_max()))
             .flatten()
-            .ok_or_else(|| Error::damaged(path, "the samples have not the shape that the plan asks for"))?;
+            .ok_or_else(|| Error::damaged(path, "the samples do not have the shape that the plan asks for"))?;
         let archive = Self {
             path: path.to_owned(),
             config,
@@ -124,7 +124,7 @@ impl Archive {
     }
 }
 
-/// Opens the archive of the taps, if `file` has results alone; else `None`.
+/// Opens the archive of the taps, if `file` has only results; else `None`.
 fn open_raw(file: &File, path: &Path) -> Result<Option<Archive>> {
     if !file.attr_names().context("read the attributes", path)?.iter().any(|name| name == attribute::RAW) {
         return Ok(None);
@@ -132,12 +132,12 @@ fn open_raw(file: &File, path: &Path) -> Result<Option<Archive>> {
     let name = read_text(file, attribute::RAW).context("read the name of the taps' archive", path)?;
     let raw = Archive::open(&path.with_file_name(&name), Access::Read)?;
     match raw.is_results() {
-        true => Err(Error::damaged(path, "it names other results as the archive of its taps")),
+        true => Err(Error::damaged(path, "it names a file of results as the archive of its taps")),
         false => Ok(Some(raw)),
     }
 }
 
-/// Checks by plain reads whether the file can be opened, so that errors are plain too; returns whether the archive is finished.
+/// Checks with plain reads whether the file can be opened, for clear error messages; returns whether it is finished.
 ///
 /// The lock is tried with a separate descriptor: within a process the library opens a file once and shares it, so it would let
 /// a second writer in.
@@ -161,7 +161,7 @@ fn probe(path: &Path, access: Access) -> Result<bool> {
     }
     match locked {
         Err(TryLockError::WouldBlock) => return Err(Error::InUse { path: path.to_owned() }),
-        // A child that another thread has just started would hold it on, and the library would not get it.
+        // A child that another thread has just started would keep holding it, and the library would not get it.
         Ok(()) => file.unlock().context("unlock the archive", path)?,
         // Without locks in the file system, the library decides.
         Err(TryLockError::Error(_)) => {}
@@ -174,7 +174,7 @@ fn probe(path: &Path, access: Access) -> Result<bool> {
     }
     let is_finished = is_sealed(&file, path)?;
     match access {
-        // A file of another program, or one that is damaged, is not waited for.
+        // A file of another program, or a damaged one, gets an error of its own.
         Access::Read if !is_finished => {
             structure::check(&file, path).and(Err(Error::NotFinished { path: path.to_owned() }))
         }
@@ -212,7 +212,7 @@ fn read_metadata(file: &File, path: &Path) -> Result<Metadata> {
 fn open_table<R: ChecksummedRow>(file: &File, path: &Path, row_count: usize, capacity: usize) -> Result<Table<R>> {
     Table::open(file, row_count, capacity)
         .context("find a table", path)?
-        .ok_or_else(|| Error::damaged(path, format!("{} has not {capacity} rows of this layout", R::TABLE)))
+        .ok_or_else(|| Error::damaged(path, format!("{} does not have {capacity} rows of this layout", R::TABLE)))
 }
 
 fn text_of(text: Vec<u8>, name: &str, path: &Path) -> Result<String> {

@@ -48,7 +48,7 @@ pub(super) fn read_plan(
             .map_err(not_a_plan)?;
     let archived = metadata.plan_digest;
     if begun.digest() != archived {
-        let what = format!("its plan has digest {:016x}, but it says {archived:016x}", begun.digest());
+        let what = format!("its plan has digest {:016x}, but {archived:016x} is stored", begun.digest());
         return Err(Error::damaged(path, what));
     }
     let mut plan = begun.clone();

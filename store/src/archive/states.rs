@@ -40,7 +40,7 @@ impl States {
             let is_changed = |row: &u32| changed_taps.binary_search(&(*row as usize)).is_ok();
             let is_valid = row.is_valid(k);
             if is_valid && row.state().is_none() {
-                return Err(archive.damaged(format!("scan {k} has state {}", row.state)));
+                return Err(archive.damaged(format!("scan {k} has unknown state {}", row.state)));
             }
             let open = ScanRow::open(planned, u32::try_from(archive.first_cell(k)).unwrap_or(u32::MAX));
             // A scan that was judged with a tap that is lost is judged again.

@@ -20,8 +20,8 @@ pub(crate) fn write_units(dataset: &Dataset, units: &str) -> hdf5::Result<()> {
     by_field(units).try_for_each(|(name, unit)| write_text(dataset, &name, unit))
 }
 
-/// Checks that every table's numbers are in the units that its calibration says: a force in mN would go unseen in every ratio within a
-/// tyre, and be a thousand times that of another tyre.
+/// Checks that every table's numbers are in the units that its calibration states: a force in mN would go unnoticed in
+/// ratios within one tyre, and be a thousand times that of another.
 ///
 /// # Errors
 /// [`Error::OtherUnits`] with the table and both units, or what the library returns.

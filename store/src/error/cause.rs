@@ -34,7 +34,7 @@ impl Error {
         const FAILED: [Errno; 6] = [Errno::IO, Errno::ROFS, Errno::SHUTDOWN, Errno::UCLEAN, Errno::NODEV, Errno::NXIO];
         match self {
             Self::Io { source, .. } => FAILED.iter().any(|errno| source.raw_os_error() == Some(errno.raw_os_error())),
-            // HDF5 has the number in its message alone.
+            // HDF5 has the number only in its message.
             Self::Hdf5 { source, .. } => {
                 let text = source.to_string();
                 FAILED.iter().any(|errno| text.contains(&format!("errno = {},", errno.raw_os_error())))
@@ -43,7 +43,7 @@ impl Error {
         }
     }
 
-    /// Whether a part of a file cannot be read, because of a bad sector or a wrong length, while other parts may be.
+    /// Whether part of a file cannot be read, because of a bad sector or a wrong length, while others may be readable.
     pub fn is_unreadable_part(&self) -> bool {
         let Self::Io { source, .. } = self else { return false };
         source.kind() == io::ErrorKind::UnexpectedEof || source.raw_os_error() == Some(Errno::IO.raw_os_error())
@@ -60,17 +60,17 @@ impl Error {
         match self {
             _ if self.is_disk_full() => "make room on that disk",
             Self::Io { source, .. } => match source.kind() {
-                io::ErrorKind::ReadOnlyFilesystem => "mount that disk to be written again",
-                io::ErrorKind::NotFound => "bring that folder back",
-                io::ErrorKind::PermissionDenied => "give this user the right to write it",
-                _ => "see to that disk",
+                io::ErrorKind::ReadOnlyFilesystem => "mount that disk as writable again",
+                io::ErrorKind::NotFound => "restore that folder",
+                io::ErrorKind::PermissionDenied => "give this user permission to write to it",
+                _ => "check that disk",
             },
-            Self::Removed { .. } => "bring its folder back: the archive is then written there again",
+            Self::Removed { .. } => "restore its folder: the archive is then written there again",
             Self::Moved { .. } => "move it back",
             Self::Replaced { .. } => "move the other file away and this one back",
-            Self::InUse { .. } => "end what reads it",
-            Self::Cut { .. } => "put a whole copy in its place",
-            _ => "see to that disk and file",
+            Self::InUse { .. } => "stop what reads it",
+            Self::Cut { .. } => "replace it with an intact copy",
+            _ => "check that disk and file",
         }
     }
 }

@@ -43,13 +43,13 @@ pub enum Error {
         source: hdf5::Error,
     },
     /// A new archive would overwrite a file.
-    #[error("{} exists already; an archive is never overwritten", path.display())]
+    #[error("{} already exists; an archive is never overwritten", path.display())]
     Exists {
         /// The file.
         path: PathBuf,
     },
     /// Another process has the archive open: a writer, or a reader of what is to be written.
-    #[error("{} is in use: one writer or several readers may have an archive, not both", path.display())]
+    #[error("{} is in use: one writer or several readers may have an archive open, not both", path.display())]
     InUse {
         /// The file.
         path: PathBuf,
@@ -69,7 +69,7 @@ pub enum Error {
         now: String,
     },
     /// Another file lies where the file that was being written was.
-    #[error("{} is another file than the one that was being written, which is now {now}", path.display())]
+    #[error("{} is another file, not the one that was being written, which is now {now}", path.display())]
     Replaced {
         /// The path.
         path: PathBuf,
@@ -117,7 +117,7 @@ pub enum Error {
         known: u32,
     },
     /// A table's numbers are in other units than this program's, or its units are not given.
-    #[error("{} has {table} in the units {archived:?}; this program knows {known:?}", path.display())]
+    #[error("{} has {table} in the units {archived:?}; this program expects {known:?}", path.display())]
     OtherUnits {
         /// The file.
         path: PathBuf,
@@ -145,17 +145,17 @@ pub enum Error {
         path: PathBuf,
     },
     /// The archive was begun by another version of the program or with other options.
-    #[error("{} has results made by {archived:?}; this program would make them by {given:?}: results of different lineage are never mixed in one archive (tapline reprocess makes new ones beside it)", path.display())]
+    #[error("{} has results made with {archived:?}; this program would make them with {given:?}: results of different lineage are never mixed in one archive (tapline reprocess makes new ones beside it)", path.display())]
     OtherLineage {
         /// The archive.
         path: PathBuf,
-        /// First line that differs, as it stands in the archive.
+        /// First line that differs, as stored in the archive.
         archived: String,
         /// That line in this run.
         given: String,
     },
     /// The taps have changed since the results were computed from them.
-    #[error("{} has results of the taps {made_of:.16}..., but {} has the taps {there:.16}... now: judge those again (tapline reprocess)", path.display(), raw.display())]
+    #[error("{} has results of the taps {made_of:.16}..., but {} now has the taps {there:.16}...: judge those again (tapline reprocess)", path.display(), raw.display())]
     OtherTaps {
         /// The results.
         path: PathBuf,
@@ -166,14 +166,14 @@ pub enum Error {
         /// Digest of the taps that the archive has now.
         there: String,
     },
-    /// A tap was put into an archive of results alone.
-    #[error("{} has results alone, of the taps of another archive: no tap can be put into it", path.display())]
+    /// A tap was put into an archive of only results.
+    #[error("{} has only results, of the taps of another archive: no tap can be put into it", path.display())]
     ResultsAlone {
         /// The archive.
         path: PathBuf,
     },
-    /// The archive to be resumed is packed by a codec that is too slow for a line.
-    #[error("{} is packed by {codec}, which is for finished archives: repack it with lz4, zstd or none", path.display())]
+    /// The archive to be resumed is packed with a codec that is too slow for a line.
+    #[error("{} is packed with {codec}, only for finished archives: repack it with lz4, zstd or none", path.display())]
     OfflineCodec {
         /// The archive.
         path: PathBuf,
@@ -187,8 +187,8 @@ pub enum Error {
         codec: Codec,
     },
     /// The archive is not finished: only its writer may use it.
-    #[error("{} is not finished, or its end is not as it was written: the line that writes it finishes it, or the same command again; a finished \
-         file whose end was changed is to be moved away first", path.display())]
+    #[error("{} is not finished, or its end was changed: its line or the same command, run again, finishes it; a \
+         finished file whose end was changed must be moved away first", path.display())]
     NotFinished {
         /// The archive.
         path: PathBuf,
@@ -224,7 +224,7 @@ pub enum Error {
         sample_count_max: u32,
     },
     /// The records of the plan would be longer than a chunk can be.
-    #[error("a record of {bytes} bytes cannot be packed: at most {most} can")]
+    #[error("a record of {bytes} bytes cannot be packed: the limit is {most}")]
     LongRecording {
         /// Bytes of the longest record planned.
         bytes: usize,

@@ -1,4 +1,4 @@
-//! Syncs written data to the disk while the writers go on, by one thread for all writers of the process.
+//! Syncs written data to the disk while the writers continue, in one thread for all writers of the process.
 //!
 //! The system itself would begin much later, and the sync at the end of a casing would then take long.
 
@@ -95,7 +95,7 @@ fn run(asked: &Receiver<Job>) {
     while let Ok(Job { file, sync_errors, is_asked }) = asked.recv() {
         is_asked.store(false, Ordering::Release);
         if let Err(error) = file.sync_data() {
-            tracing::error!(%error, "the disk has not kept what was written to it: check the archive when the run is over");
+            tracing::error!(%error, "the disk failed to store written data: check the archive when the run is over");
             sync_errors.note(&error);
         }
     }

@@ -1,4 +1,4 @@
-//! A file is written under another name beside its own and then renamed: under its own name it is complete, or not there.
+//! A file is written under a temporary name in its folder, then renamed: under its own name it is complete or absent.
 
 use std::ffi::OsStr;
 use std::fs::{self, File};
@@ -38,7 +38,7 @@ pub(crate) fn publish(draft: TempPath, path: &Path) -> Result<()> {
 /// # Errors
 /// [`Error::Exists`], or what the system returns.
 pub(crate) fn rename_new(from: &Path, to: &Path) -> Result<()> {
-    let mut from = TempPath::try_from_path(from).context("name", to)?;
+    let mut from = TempPath::try_from_path(from).context("rename to", to)?;
     // It is an archive: where it cannot be renamed it stays under its old name.
     from.disable_cleanup(true);
     rename_temporary(from, to)
@@ -47,7 +47,7 @@ pub(crate) fn rename_new(from: &Path, to: &Path) -> Result<()> {
 fn rename_temporary(from: TempPath, to: &Path) -> Result<()> {
     match from.persist_noclobber(to).map_err(|error| error.error) {
         Err(error) if error.kind() == ErrorKind::AlreadyExists => Err(Error::Exists { path: to.to_owned() }),
-        renamed => renamed.context("name", to),
+        renamed => renamed.context("rename to", to),
     }
 }
 

@@ -1,4 +1,4 @@
-//! Watches the file that is being written: whether it is still at its path, and how it is restored if it was removed.
+//! Watches the file that is being written: checks that it is still at its path, and restores it if it was removed.
 
 use std::fs::{self, File, Metadata};
 use std::io::{self, ErrorKind};
@@ -113,7 +113,7 @@ impl FileGuard {
         self.file.metadata().context("look for", &self.path)
     }
 
-    /// The error for a path where nothing is: the file was removed, or renamed.
+    /// The error for a path without a file: it was removed or renamed.
     fn gone(&self, held: &Metadata) -> Error {
         let path = self.path.clone();
         if held.nlink() == 0 { Error::Removed { path } } else { Error::Moved { path, now: self.now() } }

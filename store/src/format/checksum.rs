@@ -1,7 +1,7 @@
 //! The checksum of each row, by which a single changed bit is found and located.
 //!
-//! Rows and packed chunks, which are checked at every reading, have an XXH3. Samples have a BLAKE3 besides, which results are traced
-//! to; that costs ten times as much.
+//! Rows and packed chunks are checked at every read, and have an XXH3. Samples also have a BLAKE3, to which results are
+//! traced; it costs ten times as much.
 #![expect(unsafe_code, reason = "a row is checked as the bytes that go to the file")]
 
 use hdf5::H5Type;
@@ -50,7 +50,7 @@ pub(crate) fn checksum(parts: &[&[u8]]) -> u64 {
 
 macro_rules! checksummed {
     ($($row:ident in $table:ident),* $(,)?) => {$(
-        // SAFETY: `layout` declares it `repr(C)` of numbers and byte arrays, and its tests hold it to have no padding.
+        // SAFETY: `layout` declares it `repr(C)` of numbers and byte arrays, and its tests check that it is not padded.
         unsafe impl PlainRow for crate::format::layout::$row {}
 
         impl ChecksummedRow for crate::format::layout::$row {

@@ -1,6 +1,6 @@
 //! Names, rows and units of the tables in an archive.
 //!
-//! Codes and flags are plain integers, never Rust enums or booleans, of which a damaged file could form invalid values. No
+//! Codes and flags are plain integers, never Rust enums or booleans: a damaged file could give those invalid values. No
 //! row has padding: its bytes in memory, all of them defined, are written as they are. The library's conversion of padded
 //! rows would clear a megabyte at every write.
 
@@ -33,7 +33,7 @@ pub(crate) type Key = FixedAscii<64>;
 /// Paths of the tables.
 pub(crate) mod table {
     pub(crate) const CONFIG: &str = "config";
-    /// What the results were computed by, as lines of text.
+    /// What computed the results, as lines of text.
     pub(crate) const MADE_BY: &str = "made_by";
     /// What the channels' samples are worth, as JSON.
     pub(crate) const CALIBRATION: &str = "calibration";
@@ -66,9 +66,9 @@ pub(crate) mod attribute {
     pub(crate) const CHANNELS: &str = "channels";
     /// Name of the codec.
     pub(crate) const CODEC: &str = "codec";
-    /// Of results alone: name of the archive of their taps, as seen from their folder.
+    /// With only results: name of the archive of their taps, as seen from their folder.
     pub(crate) const RAW: &str = "raw";
-    /// Of results alone: digest of their taps, as hexadecimal digits.
+    /// With only results: digest of their taps, as hexadecimal digits.
     pub(crate) const RAW_DIGEST: &str = "raw_digest";
     /// Taps planned when the archive was begun.
     pub(crate) const BEGUN_TAPS: &str = "begun_taps";
@@ -160,7 +160,7 @@ pub(crate) struct PlanRow {
     pub checksum: u64,
 }
 
-/// What is known of a tap beside its samples, its plan row and the shape that all records share.
+/// What is known of a tap apart from its samples, its plan row and the shape that all records share.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, H5Type)]
 pub(crate) struct HeaderRow {

@@ -1,4 +1,4 @@
-//! What results are computed from and by: stored in the archive verbatim, and hashed into one key.
+//! What results are computed from and with: stored in the archive verbatim, and hashed into one key.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -11,7 +11,7 @@ pub(crate) const DIGEST_BYTES: usize = 32;
 /// A BLAKE3.
 pub(crate) type Digest = [u8; DIGEST_BYTES];
 
-/// What a run is given beside its plan.
+/// What a run is given besides its plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Lineage<'a> {
     /// Its configuration, verbatim.
@@ -20,10 +20,10 @@ pub struct Lineage<'a> {
     pub reference: Option<&'a str>,
     /// What packs its samples; a resumed archive keeps its codec.
     pub codec: Codec,
-    /// What its results are computed by, a line each: digests of the program's sources, and every option that affects
+    /// What computes its results, one item per line: digests of the program's sources, and every option that affects
     /// them with its value, defaults included.
     pub made_by: &'a str,
-    /// For results alone: the archive of their taps, which must lie in the same folder or in its parent, and the digest of
+    /// For only results: the archive of their taps, which must lie in the same folder or its parent, and the digest of
     /// those taps.
     pub raw: Option<(&'a Path, [u8; 32])>,
 }
@@ -41,7 +41,7 @@ impl<'a> From<&'a String> for Lineage<'a> {
     }
 }
 
-/// What differs between two texts of [`Lineage::made_by`], as (key, before, after), by key; an option that is missing is empty.
+/// Differences of two [`Lineage::made_by`] texts, as (key, before, after), sorted by key; a missing option is empty.
 pub fn lineage_changes(before: &str, after: &str) -> Vec<(String, String, String)> {
     let options = |text: &str| -> BTreeMap<String, String> {
         text.lines().filter_map(|line| line.split_once(" = ")).map(|(k, v)| (k.to_owned(), v.to_owned())).collect()
@@ -53,14 +53,14 @@ pub fn lineage_changes(before: &str, after: &str) -> Vec<(String, String, String
     changes.filter(|(_, before, after)| before != after).collect()
 }
 
-/// The first of them, as the line before and the line after; "nothing" stands for an option that is missing.
+/// The first change, as the line before and the line after; "nothing" means a missing option.
 pub fn lineage_change(before: &str, after: &str) -> (String, String) {
     let (key, before, after) = lineage_changes(before, after).into_iter().next().unwrap_or_default();
     let line = |value: String| if value.is_empty() { "nothing".to_owned() } else { format!("{key} = {value}") };
     (line(before), line(after))
 }
 
-/// The key of results: 256 bits over the recorded taps, what the results were computed by, and the reference.
+/// The key of results: 256 bits over the recorded taps, what computed the results, and the reference.
 ///
 /// On one machine and build, results with the same key are the same numbers. Results with different keys are never mixed.
 pub fn lineage_key(raw_digest: &[u8; 32], made_by: &str, reference: Option<&str>) -> String {

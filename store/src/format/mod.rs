@@ -3,7 +3,7 @@
 //! - `layout`: names and units of the tables, and what a row of each has
 //! - `fields`, `tap_rows`, `scan_rows`: records of the stream as rows, and back
 //! - `checksum`: the checksum of each row
-//! - `lineage`: what results are computed from and by
+//! - `lineage`: what results are computed from and with
 //! - `lost`: where a missing tap was lost
 
 pub(crate) mod checksum;

@@ -130,7 +130,7 @@ impl CellRow {
     }
 }
 
-/// What tells the verdict on scan `number` and its map from others: the checksums of their rows, the cells' from row `first_cell` on.
+/// A hash of the verdict on scan `number` and its map: over the checksums of their rows, cells from `first_cell` on.
 pub(crate) fn fingerprint(number: usize, row: ScanRow, first_cell: usize, cells: &[CellRow]) -> u64 {
     let cells = (first_cell..).zip(cells).map(|(number, cell)| cell.with_checksum(number).checksum);
     let all: Vec<u8> =
@@ -138,8 +138,8 @@ pub(crate) fn fingerprint(number: usize, row: ScanRow, first_cell: usize, cells:
     checksum(&[&all])
 }
 
-/// Row in the damage table of the first cell of every scan of `begun`, and last the number of rows. Each scan has spare rows:
-/// as many as taps may be added.
+/// For every scan of `begun`, the damage-table row of its first cell; at the end, the number of rows. Each scan has as
+/// many spare rows as taps may be added.
 pub(crate) fn first_cells(begun: &Plan, taps_max: usize) -> Vec<usize> {
     let spare = taps_max - begun.taps().len();
     let mut first_cells = vec![0];

@@ -54,7 +54,7 @@ impl PlanRow {
     pub(crate) fn to_tap(self) -> Result<PlannedTap, IdError> {
         let tyre = serial(&self.tyre).ok_or_else(|| IdError::Serial {
             text: String::from_utf8_lossy(self.tyre.as_bytes()).into_owned(),
-            fault: "is no text".to_owned(),
+            fault: "is not text".to_owned(),
         })?;
         let mut id = TapId::default()
             .with_offset_mm(known(self.offset_mm))?
@@ -110,7 +110,7 @@ impl HeaderRow {
         }
     }
 
-    /// A hash that differs for different taps; how and when a tap was sent does not enter it.
+    /// A hash that differs for different taps; how and when a tap was sent is not included.
     pub(crate) fn fingerprint(&self) -> u64 {
         let floats = [self.sample_rate_hz, self.velocity_measured_m_per_s, self.microphone_distance_m];
         let mut hasher = DefaultHasher::new();

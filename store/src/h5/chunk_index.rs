@@ -59,7 +59,7 @@ pub(crate) fn node_with_changes_left_out(file: &File, address: u64, rank: usize)
     let (is_leaf, entry_count) = (head[5] == 0, u16_at(&head, 6)? as usize);
     let (key_bytes, entry_bytes) = (key_bytes(rank), key_bytes(rank) + 8);
     let mut node = read(file, address, NODE_HEAD_BYTES + entry_count * entry_bytes + key_bytes)?;
-    // The last entry is a key alone.
+    // The last entry is only a key.
     for entry in node[NODE_HEAD_BYTES..].chunks_mut(entry_bytes) {
         entry[..4].fill(0);
         if is_leaf {
@@ -92,7 +92,7 @@ fn tree_of(file: &File, header: u64, rank: usize) -> Option<u64> {
             let (kind, size) = (u16_at(&block, at)?, u16_at(&block, at + 2)? as usize);
             let message = block.get(at + 8..at + 8 + size)?;
             match kind {
-                // Version 3, chunked; one more dimension stands for the size of an element.
+                // Version 3, chunked; one more dimension holds the size of an element.
                 LAYOUT if message.get(..3)? == [3, 2, u8::try_from(rank + 1).ok()?] => return u64_at(message, 3),
                 LAYOUT => return None,
                 CONTINUATION => blocks.push((u64_at(message, 0)?, usize::try_from(u64_at(message, 8)?).ok()?)),

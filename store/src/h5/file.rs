@@ -1,4 +1,4 @@
-//! How files are opened through the library, and what is done with their descriptors past it.
+//! How files are opened through the library, and what is done with their descriptors without it.
 #![expect(unsafe_code, reason = "the safe crate gives no access to the descriptor and the size of an open file")]
 
 use std::ffi::{c_int, c_void};
@@ -27,8 +27,8 @@ const ALIGN_FROM_BYTES: u64 = 8 * PAGE_BYTES;
 
 /// How archives are opened for writing, so that a writer may be killed at any time.
 ///
-/// Metadata reaches the file at a flush alone: the library's cache evicts nothing on its own. Nothing is allocated ahead, so
-/// the file is never shorter than its superblock says.
+/// Metadata reaches the file only at a flush: the library's cache evicts nothing itself. Nothing is allocated ahead,
+/// so the file is never shorter than its superblock says.
 pub(crate) fn files() -> FileBuilder {
     let cache = MetadataCacheConfig {
         evictions_enabled: false,
@@ -44,7 +44,7 @@ pub(crate) fn files() -> FileBuilder {
     files
 }
 
-/// How archives are opened for reading: by a descriptor, whatever driver the environment names.
+/// How archives are opened for reading: with a descriptor, even if the environment names another driver.
 pub(crate) fn files_to_read() -> FileBuilder {
     let mut files = FileBuilder::new();
     files.with_fapl(FileAccessBuilder::sec2);
@@ -56,8 +56,8 @@ unsafe extern "C" {
     fn H5Fincrement_filesize(file: hid_t, increment: hsize_t) -> herr_t;
 }
 
-/// Makes the library treat the file to its end as used: a killed writer may have left chunks behind the end that the superblock
-/// has, and their space must not be allocated again.
+/// Makes the library treat the whole file as used: a killed writer may have left chunks after the end in the
+/// superblock, and their space must not be allocated again.
 ///
 /// # Errors
 /// What the library returns.

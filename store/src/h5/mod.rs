@@ -1,7 +1,7 @@
 //! Calls of the HDF5 library, and its structures read without it.
 //!
 //! - `file`, `table`, `rows`, `text`: files, tables, their rows and texts, through the library
-//! - `samples`, `location`: one chunk a tap, written and found past the library's search
+//! - `samples`, `location`: one chunk per tap, written and found without the library's search
 //! - `chunk_index`: the index of chunks, read from the file
 //! - `structure`, `seal`: digests of what must not change in an unfinished and in a finished file
 

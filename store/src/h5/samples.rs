@@ -23,7 +23,7 @@ pub(crate) struct ChunkRows {
 }
 
 impl ChunkRows {
-    /// The rows of `dataset`, of `row_bytes` bytes each, packed by `codec`; `None` if it has another layout.
+    /// The rows of `dataset`, of `row_bytes` bytes each, packed with `codec`; `None` if it has another layout.
     pub(crate) fn new(dataset: Dataset, codec: Codec, row_bytes: usize) -> Option<Self> {
         let &[_, channels, samples] = dataset.shape().as_slice() else { return None };
         let element_bytes = dataset.dtype().ok()?.size();
@@ -48,7 +48,7 @@ impl ChunkRows {
         self.row_bytes
     }
 
-    /// Writes `stored`, packed by the codec, as row `row`, without a copy.
+    /// Writes `stored`, packed with the codec, as row `row`, without a copy.
     ///
     /// # Errors
     /// What the library returns, for example if `row` does not exist or the disk is full.

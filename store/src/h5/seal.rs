@@ -1,5 +1,5 @@
-//! The seal of a finished archive: a digest of every byte that the checksums of taps do not cover. It lies behind the end of
-//! what HDF5 reads, and is checked by plain reads before the library, which trusts what it reads, sees the file.
+//! The seal of a finished archive: a digest of every byte that the checksums of taps do not cover. It lies after what
+//! HDF5 reads, and is checked with plain reads before the library, which trusts what it reads, sees the file.
 
 use std::fs::File;
 use std::io;
@@ -18,7 +18,7 @@ const END: [u8; 8] = *b"\x01tapline";
 
 /// Bytes of the seal before its extents: [`BEGIN`], length of the data, their digest, number of extents.
 const HEAD_BYTES: usize = 8 + 8 + 32 + 8;
-/// Bytes behind the seal: its address, its checksum, [`END`].
+/// Bytes after the seal: its address, its checksum, [`END`].
 const FOOT_BYTES: usize = 8 + 8 + 8;
 const EXTENT_BYTES: usize = 16;
 
@@ -151,7 +151,7 @@ pub(crate) fn is_sealed(file: &File, path: &Path) -> Result<bool> {
     }
     let digest = digest(file, begin, &extents).context("check the seal", path)?;
     if digest[..] != seal[16..48] {
-        return Err(damaged("it is not what was written when it was finished: the seal does not fit"));
+        return Err(damaged("it is not what was written when it was finished: the seal does not match"));
     }
     Ok(true)
 }

@@ -1,5 +1,5 @@
-//! The record of an archive's structure: a digest of what must not change while the archive is written. It is checked by plain
-//! reads before the HDF5 library, which trusts what it reads, sees an unfinished file.
+//! The record of an archive's structure: a digest of what must not change while the archive is written. It is checked
+//! with plain reads before the HDF5 library, which trusts what it reads, sees an unfinished file.
 //!
 //! After creation these parts of a file change: rows of tables and chunks of samples, which have checksums of their own, the
 //! entries of the index of chunks, and the end of the file. Nothing else does.
@@ -122,8 +122,8 @@ pub(crate) fn write(path: &Path, changing: Changing) -> std::io::Result<()> {
     file.write_all_at(&encoded, own.begin)
 }
 
-/// Checks the structure of the archive in `file`, at `path`: nothing else than what may has changed, and every chunk lies where
-/// it may.
+/// Checks the structure of the archive in `file`, at `path`: only what may change has changed, and every chunk lies
+/// where it may.
 ///
 /// # Errors
 /// [`Error::Damaged`], [`Error::NotAnArchive`], or what the system returns.

@@ -57,7 +57,7 @@ impl<R: ChecksummedRow> Table<R> {
     /// `row_count`.
     pub(crate) fn open(parent: &Group, row_count: usize, capacity: usize) -> hdf5::Result<Option<Self>> {
         let dataset = parent.dataset(R::TABLE)?;
-        // The library matches columns by name: the memory of one under another name would stay undefined.
+        // The library matches columns by name: the memory of a column with another name would stay undefined.
         let has_layout = row_count <= capacity
             && dataset.shape() == [capacity]
             && dataset.dtype()?.to_descriptor()? == R::type_descriptor();

@@ -27,7 +27,7 @@ macro_rules! by_length {
                 $(TypeDescriptor::FixedUnicode($bytes) => {
                     utf8(attribute.read_scalar::<FixedUnicode<$bytes>>()?.as_bytes())
                 })*
-                other => Err(format!("attribute {name:?} is {other}, no text of a known length").into()),
+                other => Err(format!("attribute {name:?} is {other}, not a text of a known length").into()),
             }
         }
     };
@@ -36,7 +36,7 @@ macro_rules! by_length {
 by_length! { 32 128 512 1024 }
 
 fn fixed<const N: usize>(text: &str) -> hdf5::Result<FixedUnicode<N>> {
-    text.parse().map_err(|_error| hdf5::Error::from("a text holds a NUL character"))
+    text.parse().map_err(|_error| hdf5::Error::from("a text contains a NUL character"))
 }
 
 fn utf8(bytes: &[u8]) -> hdf5::Result<String> {

@@ -1,7 +1,7 @@
 //! Archives read back, and checked.
 //!
 //! - `reader`: tables and single taps
-//! - `samples`: chunks of samples, read past the HDF5 library
+//! - `samples`: chunks of samples, read without the HDF5 library
 //! - `regions`: regions of a damage map
 //! - `verify`: whether an archive is complete and consistent
 

@@ -18,7 +18,7 @@ use crate::format::lost::Lost;
 use crate::read::samples::{ReadBuffer, SampleFile, Taps, checked_header};
 
 /// The reason of a refused tap whose row is corrupt.
-pub(crate) const REASON_LOST: &str = "refused, but why is lost: what was written is damaged";
+pub(crate) const REASON_LOST: &str = "refused, but the reason is lost: its row is damaged";
 
 /// The samples of a tap, planar `[channel][sample]`, as recorded.
 #[derive(Debug, Clone, PartialEq)]
@@ -120,7 +120,7 @@ impl Reader {
         self.archive.reference.as_deref()
     }
 
-    /// What the results were computed by: digests of the program's sources and every option, a line each.
+    /// What computed the results: digests of the program's sources and every option, one per line.
     pub fn made_by(&self) -> &str {
         &self.archive.made_by
     }
@@ -142,7 +142,7 @@ impl Reader {
         Ok(lineage_key(&self.raw_digest()?, self.made_by(), self.reference()))
     }
 
-    /// Whether this archive has results alone, of the taps of another.
+    /// Whether this archive has only results, of the taps of another.
     pub fn is_results(&self) -> bool {
         self.archive.is_results()
     }

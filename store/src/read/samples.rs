@@ -1,4 +1,4 @@
-//! Samples read past the HDF5 library: chunks are read from their locations in the file and unpacked here.
+//! Samples read without the HDF5 library: chunks are read from their locations in the file and unpacked here.
 
 use std::fs::File;
 use std::io;
@@ -18,7 +18,7 @@ use crate::format::layout::HeaderRow;
 use crate::h5::location::ChunkLocation;
 use crate::h5::samples::{ChunkRows, unpadded};
 
-/// So many bytes of a chunk have the whole head of a record of up to 40 blocks; where no more is read at first, all is read of a longer one.
+/// Bytes read first: they hold the whole head of a record of up to 40 blocks; a chunk with a longer head is read whole.
 const HEAD_BYTES_MAX: usize = 512;
 
 /// Buffers of one record, which a caller reuses for many.
@@ -26,7 +26,7 @@ const HEAD_BYTES_MAX: usize = 512;
 pub struct ReadBuffer {
     /// The packed chunk.
     chunk: Vec<u8>,
-    /// So many bytes of the chunk before had its head and the first samples that were asked for. They are read at once.
+    /// Bytes of the previous chunk up to the end of the first samples asked for: about as many are read at once.
     beginning: usize,
     /// The samples.
     buffer: Vec<CacheLine>,
@@ -61,7 +61,7 @@ impl SampleFile {
     pub(crate) fn location(&self, row: u32) -> Result<Option<ChunkLocation>> {
         match self.locations.get_or_init(|| self.locations().ok()) {
             Some(locations) => Ok(locations.get(row as usize).copied().flatten()),
-            // Part of the index cannot be read: the library needs no more of it than leads to this row.
+            // Part of the index cannot be read: the library needs only the part that leads to this row.
             None => self.rows.location(row).context("find samples", &self.path),
         }
     }
@@ -112,7 +112,7 @@ impl SampleFile {
         let (codec, begin) = (self.rows.codec(), HEAD_BYTES_MAX.max(*beginning + *beginning / 16).min(chunk.len()));
         location.read_part(&self.file, chunk, 0..begin)?;
         for (number, part) in parts(header, self.rows.row_bytes()).enumerate() {
-            // The offsets of a damaged head lead nowhere else in the chunk; its checksum tells.
+            // The offsets of a damaged head do not lead out of the chunk; its checksum finds the damage.
             let head = head_of(codec, &chunk[..begin]).filter(|head| head.chunk_bytes() == location.length);
             let extent = head.map_or(begin..location.length, |head| head.extent(&head.blocks(&part)));
             if number == 0 {
@@ -181,7 +181,7 @@ fn parts(header: &TapHeader, row_bytes: usize) -> impl Iterator<Item = Range<usi
 }
 
 /// The taps of an archive, for several threads: their locations are looked up once, and reading takes no lock. Only samples that
-/// are packed by Deflate are unpacked by the HDF5 library, one record after another.
+/// are packed with Deflate are unpacked by the HDF5 library, one record after another.
 #[derive(Debug)]
 pub struct Taps {
     file: SampleFile,
@@ -217,7 +217,7 @@ impl Taps {
         self.read_beginning(row, |header| header.sample_count, buffer)
     }
 
-    /// As [`Taps::read`], but for the first samples of each channel alone: as many as `used` returns, which are then the
+    /// As [`Taps::read`], but for only the first samples of each channel: as many as `used` returns, which are then the
     /// `sample_count` of the header. Only the blocks that hold them are unpacked.
     ///
     /// # Errors

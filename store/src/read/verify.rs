@@ -90,7 +90,7 @@ pub fn verify(path: impl AsRef<Path>) -> Result<Report> {
     verify_with(path, |_part| ())
 }
 
-/// As [`verify`]; `on_part` is called after each tap with the part of the work that is done, from 0 to 1.
+/// As [`verify`]; `on_part` is called before each tap with the part of the work that is done, from 0 to 1.
 ///
 /// # Errors
 /// As [`verify`].
@@ -140,7 +140,7 @@ fn verify_file(archive: &Archive, mut on_part: impl FnMut(f64)) -> Result<Report
             false => tap_state(&archive.path, k, &ledger[k]).map(|(state, attempt)| LedgerRow::new(state, attempt))?,
         };
         match row.state() {
-            None => complain(format!("its state is {}, which is none", row.state)),
+            None => complain(format!("its state is {}, which is unknown", row.state)),
             Some(state) => {
                 report.ledger.set_tap(k, state, row.attempt);
                 if state == TapState::Archived {
@@ -170,7 +170,7 @@ fn verify_file(archive: &Archive, mut on_part: impl FnMut(f64)) -> Result<Report
             complain(format!("the cell of location {location} is not what was written: the checksum differs"));
         }
         match row.state().filter(|_| row.is_valid(k)) {
-            None if row.is_valid(k) => complain(format!("its state is {}, which is none", row.state)),
+            None if row.is_valid(k) => complain(format!("its state is {}, which is unknown", row.state)),
             None => {}
             Some(state) => {
                 report.ledger.set_scan(k, state);
@@ -246,7 +246,7 @@ fn check_tap(
     }
     let scales = header.unit_per_count.iter().take(recording.channels.len());
     if let Some(scale) = scales.copied().find(|scale| !scale.is_finite() || *scale == 0.0) {
-        complain(format!("its header has a scale of {scale} a count"));
+        complain(format!("its header has a scale of {scale} per count"));
     }
     let quality = Quality::from_bits_retain(discriminators.quality);
     if quality.contains(Quality::REFUSED) {
@@ -295,7 +295,7 @@ fn check_scan(
 ) {
     let scan = &plan.scans()[number];
     if Verdict::from_code(row.verdict).is_none() {
-        complain(format!("it is judged, but its verdict is {}, which is none", row.verdict));
+        complain(format!("it is judged, but its verdict is {}, which is unknown", row.verdict));
     }
     let reasons = Reasons::from_bits_retain(row.reasons);
     if row.verdict == Verdict::Pass.code() && !Reasons::REMARKS.contains(reasons) {

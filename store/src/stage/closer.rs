@@ -13,7 +13,7 @@ use super::{RunError, StoreRun};
 use crate::error::{Error, Result};
 use crate::write::Writer;
 
-/// Most files that may wait to be closed; a station has one at most.
+/// Maximum number of files that wait to be closed; a station has at most one.
 const WAITING_MAX: usize = 64;
 
 /// Time between two attempts to close a file on a full disk.
@@ -106,7 +106,7 @@ impl Drop for Closer {
 
 fn close(file: ToClose, run: &StoreRun) -> Result<Closed> {
     let ToClose { header, writer, name } = file;
-    // Names are chosen by this thread alone: two files never get the same.
+    // Only this thread chooses names: two files never get the same one.
     let path = run.places.finish(&name)?;
     let open = writer.path().to_owned();
     let (finishing, since) = (writer.finish_at(&path)?, Instant::now());

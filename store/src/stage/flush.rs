@@ -79,7 +79,7 @@ impl StageLoop<'_> {
         }
         while let Some(closed) = self.closer.take_closed() {
             self.note_closed(closed.map_err(|error| match error.is_recoverable() {
-                // What is finished and not in its place yet is taken up by the next life of this stage.
+                // A finished file that is not in its place yet is handled when this stage runs next.
                 true => RunError::FileSystem { error },
                 false => error.into(),
             })?);

@@ -123,7 +123,7 @@ impl StageLoop<'_> {
         match rename_new(open, &path) {
             // Without an atomic rename, a crash may have left both names.
             Err(Error::Exists { .. }) => {
-                tracing::error!("{} is there already; {} stays where it is", path.display(), open.display());
+                tracing::error!("{} already exists; {} stays where it is", path.display(), open.display());
                 Ok(())
             }
             renamed => Ok(renamed?),

@@ -79,7 +79,7 @@ impl<'a> Notices<'a> {
         let mut header = CasingHeader::default();
         header.stamp.casing = stamp.casing;
         let acquire = u16::try_from(stamp.source).unwrap_or(u16::MAX);
-        self.answer(acquire, RecordKind::Refusal, header, "its file under way is not there any more, or is damaged");
+        self.answer(acquire, RecordKind::Refusal, header, "its unfinished file no longer exists, or is damaged");
     }
 
     /// Queues for the supervisor why the archive cannot be written; empty when it can.

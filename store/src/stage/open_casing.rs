@@ -97,7 +97,7 @@ impl OpenCasing {
         }
     }
 
-    /// Has the stages told of the casing as if it had just been opened: its plan has grown, which flushes it.
+    /// Has the stages notified of the casing as if it had just been opened: its plan has grown, which flushes it.
     pub(super) fn begin_anew(&mut self) {
         self.scans = self.writer.ledger().scans().to_vec();
         (self.acquire, self.fuse, self.supervisor) = (Due::ALL, Due::ALL, Due::ALL);

@@ -32,7 +32,7 @@ impl StageLoop<'_> {
             match act(&mut self.open[index].writer) {
                 Err(error) if error.is_file_system_failure() => return Err(write_failure(error)),
                 Err(error) if error.is_recoverable() => {
-                    // If opening the file anew did not help, pause before the next attempt.
+                    // If reopening the file did not help, pause before the next attempt.
                     if std::mem::replace(&mut has_failed, true) {
                         self.pause()?;
                     }
@@ -154,7 +154,7 @@ pub(super) fn settle_at_end(mut writer: Writer) -> Result<(), RunError> {
         Ok(()) => Ok(writer.suspend()?),
         Err(error) if error.is_recoverable() && writer.is_in_place() => {
             tracing::error!(
-                "{error}; what was archived until then is safe, what came since is not in it: {}, then run again",
+                "{error}; what was archived until then is safe, what came later is not in it: {}, then run again",
                 error.remedy()
             );
             Ok(())

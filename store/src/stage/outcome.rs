@@ -5,7 +5,7 @@ use tapline_wire::LineError;
 
 use crate::error::Error;
 
-/// Why `store` cannot go on.
+/// Why `store` cannot continue.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RunError {
@@ -38,7 +38,7 @@ pub struct Outcome {
     pub closed_count: u64,
     /// Records that came again and were archived already.
     pub again_count: u64,
-    /// Records that contradict what is archived; the first stands.
+    /// Records that contradict what is archived; the first is kept.
     pub conflict_count: u64,
     /// Records of casings that are not open.
     pub stray_count: u64,

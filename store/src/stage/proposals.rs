@@ -24,7 +24,7 @@ impl StageLoop<'_> {
                 Err(error) if error.is_recoverable() => return Err(write_failure(error)),
                 Err(error) => {
                     let left = self.run.places.leave(&path)?;
-                    tracing::error!("{error}; what there is of this casing is put aside, as {}", left.display());
+                    tracing::error!("{error}; what exists of this casing is put aside as {}", left.display());
                 }
             }
         }
@@ -65,14 +65,14 @@ impl StageLoop<'_> {
                 return Ok(());
             }
             let reason = format!(
-                "casing {name} is open already, at station {}: it may come again when that is done",
+                "casing {name} is already open at station {}: it may come again when that is done",
                 open.station
             );
             self.notices.answer(acquire, RecordKind::Refusal, header, &reason);
             return Ok(());
         }
         if let Some(path) = self.finished_before(name, plan)? {
-            tracing::info!(casing = name, "is finished already: {}", path.display());
+            tracing::info!(casing = name, "is already finished: {}", path.display());
             self.notices.answer(acquire, RecordKind::Closed, header, &path.display().to_string());
             return Ok(());
         }

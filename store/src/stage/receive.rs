@@ -62,7 +62,7 @@ impl StageLoop<'_> {
     fn take_asked(&mut self, asked: &Received<AskTopic>) -> Result<(), RunError> {
         let stamp = *asked.header();
         let Some(index) = self.index_of(stamp.casing) else { return Ok(()) };
-        // One that rests on an earlier plan was asked again since.
+        // A request based on an earlier plan was repeated since.
         if stamp.mark != self.open[index].writer.plan().taps().len() as u64 {
             return Ok(());
         }
@@ -75,10 +75,10 @@ impl StageLoop<'_> {
             Err(error) => Err(error),
         };
         if let Err(error) = grown {
-            tracing::error!(casing = self.open[index].name, error, "it is judged by the taps that it has");
+            tracing::error!(casing = self.open[index].name, error, "it is judged with the taps that it has");
             self.open[index].is_full = true;
         }
-        // `fuse` begins the casing anew with the plan as it is now.
+        // `fuse` begins the casing again with the current plan.
         self.open[index].begin_anew();
         self.is_urgent = true;
         Ok(())
@@ -108,7 +108,7 @@ impl StageLoop<'_> {
             }
             Some(RecordKind::Barrier) => {
                 let Some(index) = self.index_of(header.stamp.casing) else {
-                    // Of a file that is being closed the station will hear: it has sent its barrier again meanwhile.
+                    // The station will hear of a file that is being closed: it has sent its barrier again meanwhile.
                     if !self.closer.is_closing(header.stamp.casing) {
                         self.notices.unknown(&header.stamp);
                     }
@@ -135,7 +135,7 @@ impl StageLoop<'_> {
         let outcomes = put_taps_of(&mut writers, &taps);
         for ((index, header, samples), outcome) in taps.into_iter().zip(outcomes) {
             let outcome = match outcome {
-                // Put alone, as often as necessary.
+                // Put separately, as often as necessary.
                 Err(error) if error.is_recoverable() => {
                     self.wait_for_recovery(index, error)?;
                     self.retry_until_recovered(index, |writer| writer.put_tap(header, samples))?
@@ -174,7 +174,7 @@ impl StageLoop<'_> {
             }
             Some(RecordKind::End) => {
                 let (scan, tap_count) = split_end_mark(stamp.mark);
-                // One that was sent before the plan has grown ends nothing: the station sends another.
+                // An end that was sent before the plan grew ends nothing: the station sends another.
                 if tap_count == self.open[index].writer.plan().taps().len() {
                     let outcome = self.retry_until_recovered(index, |writer| writer.end_scan(scan))?;
                     self.note(index, outcome, "an end", scan);
@@ -190,7 +190,7 @@ impl StageLoop<'_> {
         self.open[index].is_dirty = true;
         if outcome == PutOutcome::Conflict {
             let casing = &self.open[index].name;
-            tracing::error!(casing, what, number, "came again and differs from what is archived; the first stands");
+            tracing::error!(casing, what, number, "came again and differs from what is archived; the first is kept");
         }
     }
 }

@@ -1,5 +1,5 @@
-//! Notes of casings whose verdict is still to be reported: each is on the disk before the casing's file gets its name, and stays until
-//! whoever tells verdicts removes it. A line that is killed in between tells them after its next start.
+//! Notes of casings whose verdict is still to be reported: each is on the disk before the casing's file gets its name,
+//! and is removed once the verdict is reported. A line that is killed in between reports it after its next start.
 
 use std::fs::{self, File};
 use std::io::Write as _;

@@ -74,7 +74,7 @@ impl Writer {
         let cannot = |what: String| Error::CannotGrow { path: self.path.clone(), what };
         let (count, taps_max) = (self.plan.taps().len() + taps.len(), self.taps_max);
         if self.is_results || count > taps_max {
-            return Err(cannot(format!("it has room for {taps_max} taps, and would have {count}")));
+            return Err(cannot(format!("it has room for {taps_max} taps, but would have {count}")));
         }
         let plan = self.plan.grown(taps).map_err(|error| cannot(error.to_string()))?;
         let scan_of_tap = plan.scan_of_tap();

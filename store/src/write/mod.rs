@@ -8,13 +8,13 @@
 //! killed in between leaves rows whose state is still "missing": they are put again and overwritten. A file that cannot be
 //! written is left in the same state: see [`Writer::recover`].
 //!
-//! - here: [`Writer`], and the records that it accepts but for taps
+//! - here: [`Writer`], and the records that it accepts except taps
 //! - `put_taps`, `packer`: taps, packed by several threads
 //! - `tap_state`, `check`: whether a record is accepted
 //! - `pending`: what waits for a flush
 //! - `grow`, `finish`, `recover`, `replay`: the plan grows, the archive is finished, a failed disk is back, `fuse` is sent
 //!   records again
-//! - `resume`: a writer goes on with an archive
+//! - `resume`: a writer continues an archive
 
 mod check;
 pub(crate) mod finish;
@@ -46,7 +46,7 @@ use crate::write::pending::Pending;
 use crate::write::resume::load_resume_state;
 use crate::write::tap_state::{Half, PutCounts, PutOutcome, Track, Version};
 
-/// What an archive's results are computed by, by which it is recognised when it is opened again.
+/// What computes an archive's results; it is compared when the archive is opened again.
 #[derive(Debug)]
 struct Provenance {
     reference: Option<String>,
@@ -66,7 +66,7 @@ pub struct Writer {
     /// `None` after a write failed, or when it is closed.
     archive: Option<Archive>,
     is_results: bool,
-    /// Most taps that the archive has room for.
+    /// Maximum number of taps of the archive.
     taps_max: usize,
     /// The state of each planned tap.
     tracks: Vec<Track>,

@@ -1,4 +1,4 @@
-//! Prepares records for the file: digests, pads and packs them by several threads, outside of the lock of the HDF5 library.
+//! Prepares records for the file: hashes, pads and packs them in several threads, outside the lock of the HDF5 library.
 //!
 //! All writers of the process share the threads and the buffers.
 
@@ -15,11 +15,11 @@ use crate::archive::Archive;
 use crate::format::lineage::{Digest, digest_of};
 use crate::h5::samples::padded;
 
-/// Most buffers that are kept from call to call.
+/// Maximum number of buffers kept between calls.
 const KEPT_MAX: usize = 128;
 
-/// Bytes from which on records are packed by several threads: waking them, and their looking for more, takes as much of the
-/// processors as packing half of that by LZ4.
+/// Bytes from which several threads pack records: waking them, and their search for more work, takes as much processor
+/// time as packing half of that with LZ4.
 const HELPED_BYTES: usize = 512 * 1024;
 
 /// One record, packed.
@@ -104,7 +104,7 @@ impl Drop for PackBuffers {
     }
 }
 
-/// The threads that pack beside the caller; `None` if there are none.
+/// The threads that pack besides the caller; `None` if there are none.
 fn helpers() -> Option<&'static ThreadPool> {
     static HELPERS: OnceLock<Option<ThreadPool>> = OnceLock::new();
     HELPERS.get_or_init(|| begin(thread::available_parallelism().map_or(1, NonZeroUsize::get) - 1)).as_ref()
@@ -200,7 +200,7 @@ fn begin(thread_count: usize) -> Option<ThreadPool> {
         return None;
     }
     let pool = ThreadPoolBuilder::new().num_threads(thread_count).thread_name(|number| format!("pack-{number}"));
-    pool.build().inspect_err(|error| tracing::warn!(%error, "one thread packs alone, which is slower")).ok()
+    pool.build().inspect_err(|error| tracing::warn!(%error, "only one thread packs, which is slower")).ok()
 }
 
 impl Shape {

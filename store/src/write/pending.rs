@@ -40,7 +40,7 @@ impl Pending {
         self.row_count() == 0
     }
 
-    /// Whether as much waits as memory may hold.
+    /// Whether more waits than the limits allow.
     pub(crate) fn is_full(&self) -> bool {
         self.row_count() > PENDING_ROWS_MAX || self.sample_bytes > SAMPLE_BYTES_MAX
     }
@@ -71,7 +71,7 @@ impl Pending {
         taken
     }
 
-    /// Writes the samples again, to an archive that was opened anew.
+    /// Writes the samples again, to an archive that was reopened.
     pub(crate) fn write_samples(&self, archive: &Archive) -> Result<()> {
         let write = |(&row, stored): (&u32, &Vec<u8>)| archive.samples.write(row, stored);
         self.samples.iter().try_for_each(write).context("write samples", &archive.path)
@@ -79,8 +79,8 @@ impl Pending {
 
     /// Writes the rows of records and passes them to the system, and then the states.
     pub(crate) fn flush(&self, archive: &Archive) -> Result<()> {
-        self.write_contents(archive).context("write what taps and scans hold", &archive.path)?;
-        self.write_states(archive).context("write what state taps and scans are in", &archive.path)
+        self.write_contents(archive).context("write the contents of taps and scans", &archive.path)?;
+        self.write_states(archive).context("write the states of taps and scans", &archive.path)
     }
 
     fn write_contents(&self, archive: &Archive) -> hdf5::Result<()> {

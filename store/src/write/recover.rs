@@ -1,8 +1,8 @@
 //! A writer whose file cannot be written abandons the file, keeps the waiting records, and recovers when the cause is gone.
 //!
 //! After a failed write the library's memory must be neither used nor written: see [`crate::h5::file::abandon`]. The file is then
-//! valid, as a killed writer leaves it, and is opened anew; samples and rows since the last flush are still in memory and are
-//! written again.
+//! valid, as a killed writer leaves it, and is reopened; samples and rows since the last flush are still in memory and
+//! are written again.
 
 use tapline_wire::TapState;
 
@@ -23,8 +23,8 @@ impl Writer {
         checked.inspect_err(|_| self.abandon())
     }
 
-    /// After an error that [is recoverable](Error::is_recoverable): opens the file anew and writes what was put since the last
-    /// flush.
+    /// After an error that [is recoverable](Error::is_recoverable): reopens the file and writes what was put since the
+    /// last flush.
     ///
     /// A file that was removed is written to its path again as soon as its folder exists; this writer has kept it open. Nothing
     /// that was put is lost by the error, and the failed call may be repeated.
@@ -81,8 +81,8 @@ impl Writer {
         let scan = self.ledger.scans().iter().zip(found.scans()).position(|(known, found)| found < known);
         match (lost, scan) {
             (None, None) => Ok(archive),
-            (Some(row), _) => Err(archive.damaged(format!("the tap of plan row {row} was in it, and is not now"))),
-            (_, Some(scan)) => Err(archive.damaged(format!("scan {scan} was further than it is now"))),
+            (Some(row), _) => Err(archive.damaged(format!("the tap of plan row {row} was in it, but is missing now"))),
+            (_, Some(scan)) => Err(archive.damaged(format!("scan {scan} was further along than it is now"))),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! How a writer goes on with an archive: the state in which earlier writers left it.
+//! How a writer continues an archive: the state in which earlier writers left it.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -62,7 +62,7 @@ pub(crate) fn load_resume_state(archive: &Archive) -> Result<ResumeState> {
     });
     found.context(context, &archive.path)?;
     let states = States::load(archive, |k| !is_valid[k])?;
-    // For results alone, the samples are in another archive.
+    // For only results, the samples are in another archive.
     let ledger_of_taps = match archive.is_results() {
         true => archive.ledger_of_taps().read_all().context(context, &archive.path)?,
         false => Vec::new(),

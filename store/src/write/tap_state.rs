@@ -44,7 +44,7 @@ pub(crate) enum Half {
 /// The state of one planned tap.
 ///
 /// Until both halves of one attempt are there, a later version replaces an earlier one: a half whose other half was lost must
-/// give way to the next attempt, whatever number that has. Then the tap is settled and nothing changes.
+/// give way to the next attempt, regardless of its number. Then the tap is settled and nothing changes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Track {
     samples: Option<Version>,

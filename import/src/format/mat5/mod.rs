@@ -1,7 +1,7 @@
 //! MATLAB files of versions 5 to 7: variables that are numeric arrays, or fields of structures.
 //!
-//! Source: MathWorks, *MAT-File Format*. No crate that reads these files keeps 32-bit integers, bounds memory, and passes over
-//! variables of other classes.
+//! Source: MathWorks, *MAT-File Format*. No crate that reads these files keeps 32-bit integers, bounds memory, and
+//! skips variables of other classes.
 //!
 //! - here: the variables, and which of them is a channel
 //! - `elements`: what an array is written as; `array`: what it holds; `numbers`: its numbers
@@ -35,7 +35,7 @@ const VARIABLE_BYTES_MAX: u64 = 8 * SAMPLES_MAX;
 /// Most variables that are kept: the channels and their units, and the scalars of rate and trigger.
 const READ_MAX: usize = 6;
 
-/// A MATLAB file, read into memory but for what other variables hold.
+/// A MATLAB file, read into memory except what other variables hold.
 #[derive(Debug)]
 pub(crate) struct Mat5 {
     file: BufReader<File>,
@@ -63,7 +63,7 @@ impl Mat5 {
         let mut header = [0; HEADER_BYTES as usize];
         if file.read_exact(&mut header).is_err() {
             return broken(format!(
-                "is no MATLAB file: it has {file_bytes} bytes; its header alone has {HEADER_BYTES}"
+                "is not a MATLAB file: it has {file_bytes} bytes; the header alone has {HEADER_BYTES}"
             ));
         }
         let is_big_endian = match (&header[124..126], &header[126..]) {
@@ -72,7 +72,7 @@ impl Mat5 {
             (_, b"IM" | b"MI") => return broken("its version is not 5 to 7.3"),
             _ => {
                 return broken(
-                    "is no MATLAB file of version 5 to 7.3 (version 4 is not read: save it again in MATLAB)",
+                    "is not a MATLAB file of version 5 to 7.3 (version 4 is not read: save it again in MATLAB)",
                 );
             }
         };

@@ -32,7 +32,7 @@ pub(super) fn kind_name(kind: u32) -> String {
     }
 }
 
-/// Text of a file's metadata, read from its start to its end.
+/// Bytes of a file's metadata, read from start to end.
 pub(super) struct Metadata<'a> {
     pub bytes: &'a [u8],
     pub is_big_endian: bool,
@@ -45,7 +45,7 @@ impl<'a> Metadata<'a> {
                 self.bytes = rest;
                 Ok(taken)
             }
-            None => broken(format!("its metadata end after {} bytes where {count} belong", self.bytes.len())),
+            None => broken(format!("its metadata ends after {} bytes; {count} are needed", self.bytes.len())),
         }
     }
 
@@ -109,7 +109,7 @@ pub(super) fn steps(path: &str) -> Result<Vec<String>, Fault> {
                 Some((_, '\'')) if letters.next_if(|(_, next)| *next == '\'').is_some() => name.push('\''),
                 Some((at, '\'')) => break &inner[at + 1..],
                 Some((_, letter)) => name.push(letter),
-                None => return broken(format!("an object is called {path:?}, which is no path")),
+                None => return broken(format!("an object is called {path:?}, which is not a path")),
             }
         };
         steps.push(name);
@@ -117,6 +117,6 @@ pub(super) fn steps(path: &str) -> Result<Vec<String>, Fault> {
     if rest.is_empty() || path == "/" {
         Ok(steps)
     } else {
-        broken(format!("an object is called {path:?}, which is no path"))
+        broken(format!("an object is called {path:?}, which is not a path"))
     }
 }

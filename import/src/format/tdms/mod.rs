@@ -102,7 +102,7 @@ impl Tdms {
         }
     }
 
-    /// The polynomial that makes physical values of the stored ones; `None` if these are physical.
+    /// The polynomial that turns stored values into physical ones; `None` if they are physical.
     fn polynomial(&self, place: usize) -> Result<Option<Vec<f64>>, Fault> {
         let scale_count = self.number(place, "NI_Number_Of_Scales").unwrap_or(0.0);
         if scale_count < 1.0 || self.text(place, "NI_Scaling_Status") == Some("scaled") {
@@ -175,7 +175,7 @@ impl Recorded for Tdms {
     }
 }
 
-/// The rate of a time step: whole hertz where the step is as near to them as a double is.
+/// The rate of a time step: whole hertz if it equals them within the precision of a double.
 fn rate_of(step_s: f64) -> f64 {
     let rate_hz = 1.0 / step_s;
     let whole = rate_hz.round();

@@ -80,7 +80,7 @@ impl Contents {
             let mut lead_in = [0; LEAD_IN_BYTES as usize];
             file.read_exact(&mut lead_in)?;
             if &lead_in[..4] != b"TDSm" {
-                return broken(format!("is no TDMS: no segment begins at byte {at}"));
+                return broken(format!("is not TDMS: no segment begins at byte {at}"));
             }
             let flags = u32::from_le_bytes([lead_in[4], lead_in[5], lead_in[6], lead_in[7]]);
             let is_big_endian = flags & IS_BIG_ENDIAN != 0;
@@ -181,7 +181,7 @@ impl Contents {
             }
             AS_BEFORE => match self.last.get(&place) {
                 Some(&piece) => self.set(piece),
-                None => return broken(format!("{:?} has data as before, but none before", self.objects[place].path)),
+                None => return broken(format!("{:?} refers to earlier data, but has none", self.objects[place].path)),
             },
             index if DAQMX_INDEXES.contains(&index) => {
                 return broken(format!(
