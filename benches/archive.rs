@@ -25,7 +25,7 @@ use tapline_bench::{Row, Sheet, Spread, quantile, root};
 
 const ROUNDS: usize = 15;
 
-/// Beginning of a record with the pulse and most of the ringing.
+/// Beginning of a record, with the pulse and most of the ringing.
 const BEGINNING_S: f64 = 0.1;
 
 struct Scan {
@@ -37,7 +37,7 @@ struct Scan {
 impl Scan {
     fn simulate() -> Result<Self> {
         let scan = ScanConfig { offsets_mm: vec![0.0, 5.0, 10.0, 15.0], repetitions: 2, ..ScanConfig::default() };
-        // Records of 0.4 s, of which a beginning can be read.
+        // Records of 0.4 s, whose beginning can be read.
         let simulation = SimulationConfig { sample_count: 16_384, ..SimulationConfig::default() };
         let mut line = SimulatedLine::new(&scan, &simulation)?;
         let plan = line.plan().clone();
@@ -88,13 +88,13 @@ fn main() -> Result<()> {
         command: "cargo bench -p tapline-bench --bench archive".to_owned(),
         notes: vec![
             format!(
-                "{} simulated taps of 0.4 s (64 KiB), {ROUNDS} rounds. The plain write has the packed chunks of the archive alone, one \
-                 after another, and one fdatasync; the archive packs, digests, keeps its tables and discriminators, and syncs at the end.",
+                "{} simulated taps of 0.4 s (64 KiB), {ROUNDS} rounds. The plain write writes only the archive's packed chunks, one \
+                 after another, with one fdatasync; the archive packs, digests, writes its tables and discriminators, and syncs at the end.",
                 scan.taps.len()
             ),
             "Judging again: reading, checking, unpacking, discriminators and verdicts on one core; the Python program \
-             (`benches/peer.py`: h5py, scipy) reads the same file and computes the discriminators alone. \
-             Of both the second of two passes counts."
+             (`benches/peer.py`: h5py, scipy) reads the same file and computes only the discriminators. \
+             For both, the second of two passes counts."
                 .to_owned(),
         ],
         rows,
@@ -127,7 +127,7 @@ fn chunks_of(path: &Path) -> Result<Vec<Vec<u8>>> {
     Ok(chunks)
 }
 
-/// Each codec of the archive, beside a plain write of what it has packed.
+/// Each codec of the archive, compared with a plain write of the packed chunks.
 #[expect(clippy::cast_precision_loss, reason = "a count of taps")]
 fn codecs(scan: &Scan, folder: &Path) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
@@ -177,7 +177,7 @@ fn judged(scan: &Scan, path: &Path) -> Result<Reader> {
     Ok(Reader::open(path)?)
 }
 
-/// Judging the taps again on one core, beside the Python program on the same taps and core; with the first `record_s` of
+/// Judging the taps again on one core, compared with the Python program on the same taps and core; with `record_s` of
 /// each tap, or all of it.
 #[expect(clippy::cast_precision_loss, reason = "a count of taps")]
 fn reprocessing(scan: &Scan, archive: &Reader, record_s: f64, aim: &str) -> Result<Vec<Row>> {
@@ -214,7 +214,7 @@ fn reprocessing(scan: &Scan, archive: &Reader, record_s: f64, aim: &str) -> Resu
     };
     let (mut open, mut both, mut fuse, mut peer) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for _ in 0..ROUNDS {
-        // Untimed first, as Python's.
+        // Untimed first, like Python's.
         judge_again()?;
         let [of_open, of_both, of_fuse] = judge_again()?;
         open.push(of_open);

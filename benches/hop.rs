@@ -16,9 +16,9 @@ const WAYS: &[Way] = &[
     #[cfg(feature = "zeromq")]
     Way::ZeroMq,
 ];
-/// Records of a run that is paced, and how many of them a second.
+/// Records of a paced run, and how many of them per second.
 const PACED: (u64, u32) = (1000, 500);
-/// Records of 64 KiB of a run that is not; of smaller ones more, of greater ones fewer.
+/// Records of 64 KiB of an unpaced run; smaller ones are more, larger ones fewer.
 const FAST: u64 = 4000;
 
 /// All runs of one way and size.
@@ -52,15 +52,15 @@ fn main() -> Result<()> {
         command: "cargo bench -p tapline-bench --bench hop".to_owned(),
         notes: vec![
             format!(
-                "A producer writes each record, two consumers sum it, each in a process of its own; {ROUNDS} rounds of {} records at {} \
-                 a second, and of others as fast as they are taken. Every record arrives whole and in order, or the bench fails.",
+                "A producer writes each record, two consumers sum it, each in its own process; {ROUNDS} rounds of {} records at {} \
+                 per second, and of others as fast as they are read. Every record arrives whole and in order, or the bench fails.",
                 PACED.0, PACED.1
             ),
             "Latency is from sending to the first consumer, which is woken for every record. Processor time is of all three \
-             processes, a record."
+             processes, per record."
                 .to_owned(),
-            "A record of 1 MiB that is filled empties the caches of what sending and receiving need; the last row has one that is \
-             not, though the layer zeroes it."
+            "Filling a record of 1 MiB evicts what sending and receiving need from the caches; the record of the last row is \
+             not filled, though the layer zeroes it."
                 .to_owned(),
             "ZeroMQ: libzmq, PUSH to PULL over `ipc://`, a socket for each consumer.".to_owned(),
         ],
@@ -73,7 +73,7 @@ fn of(runs: &[Run], value: fn(&Run) -> f64) -> Vec<f64> {
     runs.iter().map(value).collect()
 }
 
-/// The rows of the page; `untouched` are runs with the largest record, of which only as much as the smallest has is used.
+/// The rows of the page; `untouched` are runs with the largest record, of which only the smallest size is used.
 fn rows(cases: &[Case], untouched: &[Run]) -> Vec<Row> {
     let case = |kib, way| cases.iter().find(|case| case.kib == kib && case.way == way);
     let mut rows = Vec::new();

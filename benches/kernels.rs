@@ -1,10 +1,10 @@
-//! The cost of each kernel per tap, beside bare transforms of the same record and a reading of memory.
+//! The cost of each kernel per tap, compared with bare transforms of the same record and a read of memory.
 //!
 //! All kernels take turns, and the fastest turn of each round counts, so that what slows the machine down is left out; ratios
-//! are from one run. Words on the command line are parts of names of kernels: only those are measured then, beside their
-//! yardsticks, and what they cost is printed and not kept.
+//! are from one run. Words on the command line are parts of kernel names: then only those are measured, with their
+//! yardsticks, and the costs are printed and not kept.
 //!
-//! Beside them work two Python programs with batched transforms (`benches/kernels.py`), if `TAPLINE_BENCH_PYTHON` names a Python
+//! Two Python programs with batched transforms run too (`benches/kernels.py`), if `TAPLINE_BENCH_PYTHON` names a Python
 //! that has what `benches/python.txt` lists.
 
 use std::fs;
@@ -42,7 +42,7 @@ const BATCHES: [usize; 3] = [8, 16, 64];
 /// Samples of one channel: of the default record, and of one of 0.4 s.
 const COUNTS: [usize; 2] = [2048, 16_384];
 
-/// The name of what all of this is about.
+/// The name of the main kernel.
 const SEVEN: &str = "seven discriminators";
 const NARROW: &str = "the same without AVX-512";
 const STREAM: &str = "the same, streamed from memory";
@@ -53,7 +53,7 @@ const RUSTFFT: &str = "yardstick: bare transform by rustfft (realfft)";
 /// Unit of all rows.
 const UNIT: &str = "us a tap";
 
-/// One tap as the line has it, and its sound alone as floats, which bare transforms take.
+/// One tap as on the line, and its sound alone as floats, for bare transforms.
 struct Tap {
     header: TapHeader,
     buffer: Vec<CacheLine>,
@@ -83,7 +83,7 @@ struct Kernel<'a> {
     name: String,
     taps_per_call: usize,
     call: Box<dyn FnMut() -> f64 + 'a>,
-    /// How long it runs untimed before each turn, at least once; `None` for what is to find empty caches.
+    /// How long it runs untimed before each turn, at least once; `None` if caches must be empty.
     warm_for: Option<Duration>,
     us_per_tap: Vec<f64>,
 }
@@ -136,22 +136,22 @@ fn main() -> Result<()> {
         command: "cargo bench -p tapline-bench --bench kernels".to_owned(),
         notes: vec![
             format!(
-                "One core, {ROUNDS} rounds of {TURNS} turns each. The fastest turn of a round counts: other work of the host only slows down. \
-                 Before each turn the kernel runs untimed for 10 ms, Python's too, but not what is streamed. Simulated taps of the dissertation's scan and the default seed, \
-                 4 MiB of records a turn."
+                "One core, {ROUNDS} rounds of {TURNS} turns each. The fastest turn of a round counts, because other work of the host only slows down. \
+                 Before each turn a kernel (Python's too, but not a streamed one) runs untimed for 10 ms. Simulated taps of the dissertation's scan and the default seed, \
+                 4 MiB of records per turn."
             ),
             "The seven discriminators of the method with all quality flags, from force and sound of 16 bits. The Python programs \
              (`benches/discriminators.py`) compute the same values without flags, in the batch of 8, 16 or 64 taps that is fastest; \
              versions are pinned in `benches/python.txt`.".to_owned(),
             "A bare transform is the real transform of the sound alone, from samples that are floats already.".to_owned(),
             "Without AVX-512 the transform is rustfft's, and the rest uses AVX2 at most.".to_owned(),
-            "Judging takes in all discriminators of a casing, ends its scans and judges them. Of a new casing nothing is known. Of the \
+            "Judging reads all discriminators of a casing, ends its scans and judges them. Nothing is known of a new casing. For the \
              others every tap comes as a further attempt, so that no earlier result can be used."
                 .to_owned(),
         ],
         rows,
     };
-    // A part of the kernels makes no page.
+    // Some kernels alone make no page.
     if !asked().is_empty() {
         sheet.print();
         return Ok(());
@@ -164,12 +164,12 @@ fn asked() -> Vec<String> {
     std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect()
 }
 
-/// The kernels that are asked for, timed by turns beside their yardsticks; the others are left out.
+/// The kernels that are asked for, timed alternately with their yardsticks; the others are left out.
 fn measured(mut kernels: Vec<Kernel<'_>>) -> Vec<Kernel<'_>> {
     let asked = asked();
     let is_asked = |name: &str| asked.is_empty() || asked.iter().any(|word| name.contains(word));
     let is_any = kernels.iter().any(|kernel| is_asked(&kernel.name));
-    // The streamed kernel stays: its yardstick is for it, and it comes after Python, when the processor may still be slow.
+    // The streamed kernel stays: its yardstick is only for it, and it runs after Python, while the processor may be slow.
     let is_beside = |name: &str| name.starts_with("yardstick") || name == STREAM;
     kernels.retain(|Kernel { name, .. }| is_any && (is_asked(name) || is_beside(name)));
     for turn in 0..ROUNDS * TURNS {
@@ -216,7 +216,7 @@ fn of_judging() -> Result<Vec<Row>> {
     Ok(measured(kernels).iter().map(row).collect())
 }
 
-/// The rows of kernels of records, where they are there.
+/// The rows of kernels of records, if measured.
 fn rows(kernels: &[Kernel<'_>], count: usize) -> Vec<Row> {
     let of = |name: &str| Some(kernels.iter().find(|kernel| kernel.name == name)?.us_per_tap.as_slice());
     let fastest = |library: &str| {
@@ -251,10 +251,10 @@ fn rows(kernels: &[Kernel<'_>], count: usize) -> Vec<Row> {
     rows.into_iter().flatten().collect()
 }
 
-/// A comparison: the times that are divided and those that divide them, if they were measured; what the ratio is, and its aim.
+/// A comparison: the numerator's and the denominator's times, if measured; what the ratio is, and its aim.
 type Compared<'a> = (Option<&'a [f64]>, Option<&'a [f64]>, &'static str, &'static str);
 
-/// A row of what took `times`, if it was measured, with the comparisons of what else was.
+/// A row of what took `times`, if measured, with the comparisons that were measured.
 fn row(what: &str, times: Option<&[f64]>, compared: &[Compared<'_>]) -> Option<Row> {
     let row = Row::new(what, UNIT, times?);
     Some(compared.iter().fold(row, |row, &(above, below, what, aim)| match above.zip(below) {
@@ -306,7 +306,7 @@ struct Python {
 }
 
 impl Python {
-    /// Has it begin, and wait for it to be ready; `None` if it cannot.
+    /// Starts it, and waits until it is ready; `None` if it cannot run.
     fn begin(taps: &[Tap], count: usize, folder: &TempDir, library: &str, batch: usize) -> Result<Option<Self>> {
         let Ok(python) = std::env::var("TAPLINE_BENCH_PYTHON") else { return Ok(None) };
         let (counts, units) = (folder.path().join("counts"), folder.path().join("units"));
@@ -397,7 +397,7 @@ fn yardsticks(taps: &[Tap], count: usize) -> Result<[Kernel<'_>; 2]> {
         transform(fft.as_ref(), &mut signal, &mut bins, &mut scratch)
     };
     let by_zaft = move |tap: &Tap| {
-        // Lengths are the plan's own; an error would show as a time that is no number.
+        // Lengths are the plan's own; an error would show as a time of NaN.
         zaft.execute(&tap.sound_v, &mut bins_of_zaft)
             .map_or(f64::NAN, |()| f64::from(black_box(&mut bins_of_zaft)[1].re))
     };
@@ -433,7 +433,7 @@ fn narrow(mut kernel: Kernel<'_>) -> Kernel<'_> {
     kernel
 }
 
-/// A whole casing, of which nothing is known: all records are added, and all scans are ended and judged.
+/// A whole casing of which nothing is known: adds all records, and ends and judges all scans.
 fn judge(extractor: &mut ProcessExtractor) -> Result<Kernel<'static>> {
     let mut line = SimulatedLine::new(&dissertation(), &SimulationConfig::default())?;
     let (_, records) = tyre(&mut line, extractor)?;
@@ -441,7 +441,7 @@ fn judge(extractor: &mut ProcessExtractor) -> Result<Kernel<'static>> {
     let mut fresh = vec![Fusion::new(&FuseConfig::by(Reference::Own), line.plan())?; 2 * ROUNDS * TURNS];
     let call = move || judged(&mut fresh.pop().expect("two a turn"), &records);
     let kernel = Kernel::new(format!("judging a new casing of {count} taps by itself"), count, call);
-    // Once: every call takes a new one.
+    // Only once: every call needs a new one.
     Ok(Kernel { warm_for: Some(Duration::ZERO), ..kernel })
 }
 

@@ -1,6 +1,6 @@
 //! The speed of a whole line: the built program, from simulated taps to verdicts in an archive.
 //!
-//! The same rounds also measure the work of the line done by one process, one tap after the other, without shared memory; and
+//! The same rounds also measure the line's work in one process, one tap after the other, without shared memory; and
 //! the same taps as a tap set in memory, which shows the line without the simulation. Needs the built program:
 //! `cargo build --release -p tapline`.
 
@@ -22,7 +22,7 @@ const ROUNDS: usize = 5;
 const STATIONS: [u16; 3] = [1, 2, 4];
 /// Full turns of all stations together; every line has the same number of taps, 77568: enough that starting processes is little of the time.
 const TURNS: u16 = 64;
-/// What a rig makes at most, taps per second of a station.
+/// Most taps per second that a station of a rig makes.
 const REAL_TAPS_PER_S: f64 = 2.5;
 
 /// A scan at two offsets and three velocities, its turns distributed over `stations`.
@@ -38,7 +38,7 @@ fn scan(stations: u16) -> ScanConfig {
 }
 
 fn main() -> Result<()> {
-    // Beside the build, because a temporary folder may be in memory, which no archive is.
+    // Next to the build, because a temporary folder may be in memory, unlike archives.
     let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR"))?;
     let mut lines: [Vec<Pace>; 3] = Default::default();
     let (mut halves, mut alone) = (Vec::new(), Vec::new());
@@ -109,7 +109,7 @@ fn keep(lines: &[Vec<Pace>; 3], halves: &[Pace], replayed: &[Pace], alone: &[f64
             .map(|(_, [user, kernel])| user + kernel)
             .sum()
     });
-    rows.push(Row::new("processor time beside the source", "us a tap", &beside_source).beside(
+    rows.push(Row::new("processor time without the source", "us a tap", &beside_source).beside(
         "of the same work by one process",
         Spread::of_ratio(&beside_source, alone),
         "<= 1.5",
@@ -180,11 +180,11 @@ fn one_process(folder: &Path) -> Result<f64> {
 struct Pace {
     taps_per_s: f64,
     latency_p99_us: f64,
-    /// Of each process: its name, and its own and the system's processor time, us a tap.
+    /// Of each process: its name, and its processor time in user mode and in the kernel, us per tap.
     cpu_us: Vec<(String, [f64; 2])>,
 }
 
-/// The taps of two stations as a tap set, in memory where there is a folder of it.
+/// The taps of two stations as a tap set, in memory if there is a folder for it.
 fn recorded(folder: &Path) -> Result<TempDir> {
     let memory = Path::new("/dev/shm");
     let taps = tempfile::tempdir_in(if memory.is_dir() { memory } else { folder })?;
@@ -216,7 +216,7 @@ fn line_toml(folder: &Path, stations: u16, taps_per_s: Option<f64>) -> Result<Pa
     Ok(config)
 }
 
-/// A line of `stations` that make `taps_per_s` each, or as many as they can; of the `recorded` taps, or of simulated ones.
+/// A line of `stations` that make `taps_per_s` each, or as many as they can, from `recorded` or simulated taps.
 fn run_line(folder: &Path, stations: u16, taps_per_s: Option<f64>, recorded: Option<&Path>) -> Result<Pace> {
     let config = line_toml(folder, stations, taps_per_s)?;
     let out = folder.join("line");

@@ -1,4 +1,4 @@
-//! What a tap costs at each step, beside how many casings, stations and archives there are.
+//! What a tap costs at each step, for different numbers of casings, stations and archives.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -23,17 +23,17 @@ const STATIONS: [u16; 4] = [1, 4, 16, 64];
 /// Taps of a casing: two shoulders, each a turn of 100 locations with its first again.
 const TAPS: f64 = 202.0;
 
-/// A step, with its processor time beside how many there are of something.
+/// A step, with its processor time for different numbers of something.
 pub(crate) struct Step {
     what: &'static str,
     of: &'static str,
-    /// How many, and us a tap.
+    /// How many, and us per tap.
     pub points: Vec<(u32, f64)>,
 }
 
 /// The way to a centre.
 pub(crate) struct Way {
-    /// Processor time of sender, server and collector, us a tap.
+    /// Processor time of sender, server and collector, us per tap.
     pub us: [f64; 3],
     /// How fast one collector takes taps from one server, both on this machine.
     pub taps_per_s: f64,
@@ -47,7 +47,7 @@ pub(crate) struct Costs {
 }
 
 impl Step {
-    /// By which power of the number the cost of a tap grows: the slope of the logarithms.
+    /// The exponent with which the cost of a tap grows with the number: the slope of the logarithms.
     fn exponent(&self) -> f64 {
         let logs: Vec<(f64, f64)> = self.points.iter().map(|&(n, us)| (f64::from(n).ln(), us.ln())).collect();
         let mean = |of: fn(&(f64, f64)) -> f64| logs.iter().map(of).sum::<f64>() / logs.len() as f64;
@@ -192,12 +192,12 @@ impl Ended {
 
 impl Drop for Ended {
     fn drop(&mut self) {
-        // It has ended already, or nobody is left to hear of it.
+        // It has already ended, or nobody is left to be told.
         drop(self.end());
     }
 }
 
-/// Processor time of `tapline run` on so many casings at so many stations, s.
+/// Processor time of `tapline run` on `casings` at `stations`, s.
 fn run(folder: &Path, out: &Path, casings: u32, stations: u16) -> Result<f64> {
     let tyres: String = (1..=casings).map(|n| format!("[[scan.tyre]]\nserial = \"C{n}\"\n")).collect();
     let config = folder.join("scale.toml");
@@ -235,7 +235,7 @@ fn bytes_of(folder: &Path) -> Result<f64> {
     Ok(bytes)
 }
 
-/// A server of NATS, where there is one.
+/// A NATS server, if there is one.
 fn nats_server() -> Option<PathBuf> {
     let candidates =
         [root().join("target/python/bin/nats-server"), "nats-server".into(), "/usr/sbin/nats-server".into()];

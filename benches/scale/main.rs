@@ -1,10 +1,10 @@
-//! What many lines take: unit costs of this machine, how they grow, and what 1 to 100 000 lines need by them. Writes `docs/scale.md`.
+//! What many lines take: unit costs of this machine, how they grow, and what 1 to 100 000 lines need. Writes `docs/scale.md`.
 //!
 //! Needs the built program (`cargo build --release -p tapline`), and `nats-server` for the way to a centre; without it that
-//! part stays out.
+//! part is left out.
 //!
-//! - `costs`: what a tap costs at each step, beside how many casings, stations and archives there are
-//! - `sizes`: what so many lines need
+//! - `costs`: what a tap costs at each step, for different numbers of casings, stations and archives
+//! - `sizes`: what many lines need
 #![expect(clippy::print_stdout, reason = "the page is what this program is for")]
 
 mod costs;

@@ -1,4 +1,4 @@
-//! What so many lines need, by the costs of one tap.
+//! What many lines need, from the costs of one tap.
 
 use std::fmt::Write as _;
 
@@ -6,7 +6,7 @@ use anyhow::Result;
 
 use crate::costs::Costs;
 
-/// What a rig makes at most.
+/// Most taps of a rig.
 const TAPS_PER_S: f64 = 2.5;
 
 const LINES: [f64; 4] = [1.0, 30.0, 1000.0, 100_000.0];
@@ -59,7 +59,7 @@ pub(crate) fn text(costs: &Costs) -> Result<String> {
         writeln!(text, "| {what} | {} |", shown(lines))?;
     }
     text.push_str(
-        "\nThe host of lines does not count listening to sound cards, which binds earlier: \
+        "\nThe host of lines does not count listening to sound cards, which sets a lower limit: \
          [operating.md](operating.md#how-many-stations).\n\nSites are independent of each other: beyond what one server or network can carry, a second server with its own bucket takes the next sites. \
          Nothing is shared by all lines.\n",
     );

@@ -37,14 +37,14 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// Of `values`, one a round.
+    /// Of `values`, one per round.
     pub fn of(values: &[f64]) -> Self {
         let mut sorted = values.to_vec();
         let [low, median, high] = [0.25, 0.5, 0.75].map(|q| quantile(&mut sorted, q));
         Self { median, low, high }
     }
 
-    /// Of what `ours` is, round by round, as a multiple of `theirs`.
+    /// Of `ours` as a multiple of `theirs`, round by round.
     pub fn of_ratio(ours: &[f64], theirs: &[f64]) -> Self {
         Self::of(&ours.iter().zip(theirs).map(|(ours, theirs)| ours / theirs).collect::<Vec<_>>())
     }
@@ -80,16 +80,16 @@ pub struct Row {
 /// A comparison.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Beside {
-    /// What the ratio is of and to, as "times as fast as ...".
+    /// What the ratio means, such as "times as fast as ...".
     pub what: String,
     /// The ratio, round by round.
     pub ratio: Spread,
-    /// What it should be, as ">= 6".
+    /// What it should be, such as ">= 6".
     pub aim: String,
 }
 
 impl Row {
-    /// `what`, whose `values` in `unit` are one a round.
+    /// `what`, with one of `values` in `unit` per round.
     pub fn new(what: impl Into<String>, unit: &str, values: &[f64]) -> Self {
         Self { what: what.into(), unit: unit.to_owned(), value: Spread::of(values), beside: Vec::new() }
     }
@@ -139,7 +139,7 @@ impl Sheet {
         Ok(())
     }
 
-    /// What the bench called `name` kept.
+    /// The sheet that the bench `name` kept.
     ///
     /// # Errors
     /// It has not run, or its file cannot be read.

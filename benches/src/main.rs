@@ -1,4 +1,4 @@
-//! Writes `docs/performance.md`: one table of what the benches have measured, with the machine.
+//! Writes `docs/performance.md`: one table of the benches' measurements, with the machine.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -21,14 +21,14 @@ fn main() -> Result<()> {
 fn page(sheets: &[Sheet]) -> Result<String> {
     let mut page = String::from(
         "# Performance\n\n`make bench` measures all of this and writes this page. Each yardstick takes turns with what it is compared with. A value is the \
-         median over rounds, with the quartiles in brackets. Of a round of kernels the fastest turn counts. Compare times of one run \
+         median over rounds, with the quartiles in brackets. For kernels the fastest turn of each round counts. Compare times of one run \
          with each other, not with those of another: the machine is shared.\n\n",
     );
-    // Seed and effort are of charts: what a bench has of them is in its notes.
+    // Seed and effort are only of charts: those of a bench are in its notes.
     let Provenance { cpu, vectors, system, commit, date, .. } = Provenance::here(0, false);
     let compiler = output("rustc", &["--version"]).unwrap_or_else(|| "unknown compiler".to_owned());
     writeln!(page, "Measured on {date} after commit {commit}, on {cpu} ({vectors}), {system}; {compiler}.\n")?;
-    page.push_str("| what | value | | beside | aim |\n|---|--:|---|---|---|\n");
+    page.push_str("| what | value | | compared with | aim |\n|---|--:|---|---|---|\n");
     for Sheet { title, rows, .. } in sheets {
         writeln!(page, "| **{title}** | | | | |")?;
         for row in rows {

@@ -1,7 +1,7 @@
-//! `tapline-lab headroom`: how many stations this host carries, and what binds.
+//! `tapline-lab headroom`: how many stations this host supports, and what limits them.
 //!
 //! The built program runs two lines of simulated stations at the pace of real ones for a short time: one station, and many. What
-//! the second used more of the processors, of memory, of `/dev/shm` and of the disk is shared out over the stations it has more;
+//! the second used more of processors, memory, `/dev/shm` and disk, divided by its additional stations, is what one takes;
 //! the rest is what any line takes. Both are compared with what the host has.
 
 use std::fs::{self, File};
@@ -21,13 +21,13 @@ use tapline_host::table::table;
 
 use crate::line_cost::{LineCost, Pace, run_command};
 
-/// Part of the processors that stations may take: the rest is for what else the host does.
+/// Fraction of the processors that stations may use: the rest is for other work of the host.
 const USABLE: f64 = 0.8;
 
-/// Longest time for which one station is tried.
+/// Longest run of the line with one station.
 const ONE_S_MAX: f64 = 60.0;
 
-/// Bytes that are written to see how fast the disk is.
+/// Bytes that are written to measure the speed of the disk.
 const WRITTEN: usize = 1 << 26;
 
 /// Where processes of a line share memory.
@@ -40,13 +40,13 @@ pub struct HeadroomArgs {
     /// Stations of the second line that is tried; the first has one.
     #[arg(long, default_value_t = 32, value_parser = clap::value_parser!(u16).range(2..=1024))]
     stations: u16,
-    /// Taps of a station in a second.
+    /// Taps per second of a station.
     #[arg(long, default_value_t = 2.5)]
     taps_per_s: f64,
-    /// Seconds that the second line runs; the first runs as long, and at most 60.
+    /// Seconds that the second line runs; the first runs as long, but at most 60.
     #[arg(long, default_value_t = 20.0)]
     seconds: f64,
-    /// Additional per cent of a core that listening takes at each station: `benches/scripts/listen.py` measures it.
+    /// Per cent of a core that listening adds at each station: `benches/scripts/listen.py` measures it.
     #[arg(long, default_value_t = 0.4)]
     listening_percent: f64,
     /// Folder on the disk that archives will be written to.
@@ -75,10 +75,10 @@ impl Resource {
     }
 }
 
-/// Measures this host, and prints how many stations it carries.
+/// Measures this host, and prints how many stations it supports.
 ///
 /// # Errors
-/// A value out of its bounds, a program that is not built, a line that fails, or what the system returns.
+/// A value out of its bounds, a program that is not built, a line that fails, or an error of the system.
 pub fn headroom(args: &HeadroomArgs) -> Result<()> {
     let HeadroomArgs { stations, taps_per_s, seconds, listening_percent, folder, json } = args;
     for (name, value, bounds) in [
@@ -101,7 +101,7 @@ pub fn headroom(args: &HeadroomArgs) -> Result<()> {
     let more_stations = f64::from(stations - 1);
     let resource = |name, unit, total, used: &dyn Fn(&Used) -> f64, besides: f64| {
         let more = used(&many) - used(&one);
-        // Where noise hides what the others take, what any line takes is shared out too: rather too few stations than too many.
+        // If noise hides what stations take, the line's share is divided too: too few stations rather than too many.
         let of_station = if more > 0.0 { more / more_stations } else { used(&many) / f64::from(*stations) };
         let of_line = (used(&one) - of_station).clamp(0.0, f64::INFINITY);
         Resource { name, unit, total, of_line, of_station: of_station + besides }
@@ -143,14 +143,14 @@ pub fn headroom(args: &HeadroomArgs) -> Result<()> {
     writeln!(out, "{rows}")?;
     writeln!(
         out,
-        "This host carries about {:.0} stations of {taps_per_s} taps/s; what binds: {}.",
+        "This host supports about {:.0} stations of {taps_per_s} taps/s; the limit: {}.",
         least.stations(),
         least.name
     )?;
     writeln!(
         out,
-        "Measured with 1 and with {stations} simulated stations: {of_tap_us:.0} us of processor time a tap without the simulation; \
-         listening to a sound card is taken as {listening_percent} % of a core a station besides. {:.0} % of the cores are shared out.",
+        "Measured with 1 and with {stations} simulated stations: {of_tap_us:.0} us of processor time per tap, simulation excluded; \
+         listening to a sound card is assumed to take {listening_percent} % of a core per station. {:.0} % of the cores may be used.",
         100.0 * USABLE
     )?;
     Ok(())
@@ -160,17 +160,17 @@ pub fn headroom(args: &HeadroomArgs) -> Result<()> {
 struct Used {
     /// Processor time of all processes but those that simulate, in per cent of a core.
     cpu_percent: f64,
-    /// Most memory of all processes.
+    /// Sum of the processes' peak memory.
     memory_mb: f64,
-    /// What `/dev/shm` had free before, and what the line took of it.
+    /// Free space of `/dev/shm` before the run, and what the line took of it.
     shared_free_mb: f64,
     shared_mb: f64,
-    /// What it archived.
+    /// What it archives.
     disk_mb_per_s: f64,
 }
 
 impl Used {
-    /// A line of `stations` that make `taps_per_s` each, for about `seconds`.
+    /// Runs a line of `stations` that make `taps_per_s` each, for about `seconds`.
     fn by_line(folder: &Path, stations: u16, taps_per_s: f64, seconds: f64) -> Result<Self> {
         let program = program()?;
         fs::create_dir(folder)?;
@@ -205,11 +205,11 @@ impl Used {
 /// The built program beside this one.
 fn program() -> Result<PathBuf> {
     let path = std::env::current_exe()?.with_file_name("tapline");
-    ensure!(path.is_file(), "{} is not there: `cargo build --release -p tapline` builds it", path.display());
+    ensure!(path.is_file(), "{} does not exist: `cargo build --release -p tapline` builds it", path.display());
     Ok(path)
 }
 
-/// Waits for the line, which takes about `expected_s`; the least that `/dev/shm` had free meanwhile.
+/// Waits for the line, which takes about `expected_s`; returns the least free space of `/dev/shm` meanwhile.
 fn watch(mut child: Child, expected_s: f64) -> Result<f64> {
     let begun = Instant::now();
     let mut progress = Progress::new(Some(expected_s.ceil() as u64), Unit::Things("seconds"));
@@ -231,7 +231,7 @@ fn shared_free_mb() -> f64 {
     rustix::fs::statvfs(SHARED).map_or(f64::NAN, |of| (of.f_bavail * of.f_frsize) as f64 / 1e6)
 }
 
-/// What the system says can be used without swapping.
+/// Memory that the system can use without swapping.
 fn free_memory_mb() -> f64 {
     let text = fs::read_to_string("/proc/meminfo").unwrap_or_default();
     memory::bytes(&text, "MemAvailable").map_or(f64::NAN, |bytes| bytes as f64 / 1e6)

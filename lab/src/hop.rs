@@ -1,4 +1,4 @@
-//! One hop: a producer sends records to two consumers, each in a process of its own.
+//! One hop: a producer sends records to two consumers, each in its own process.
 
 use std::fs::File;
 use std::io::{self, BufRead as _, BufReader, Read as _, Write as _};
@@ -16,13 +16,13 @@ use tapline_wire::{
     bytes_of_mut, cache_lines_for, now_ns,
 };
 
-/// Tells a copy of the program which consumer to be, and how great records are.
+/// Tells a copy of the program which consumer to be, and how large records are.
 const ROLE: &str = "TAPLINE_LAB_HOP";
 
 /// What a consumer prints first.
 const STARTED: &str = "started\n";
 
-/// How records go.
+/// How records travel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Way {
     /// Through shared memory, as on a line.
@@ -37,10 +37,10 @@ pub enum Way {
 }
 
 impl Way {
-    /// Those of the atlas.
+    /// The ways in the atlas.
     pub const ALL: [Self; 3] = [Self::Topic, Self::Socket, Self::Pipe];
 
-    /// What people call it.
+    /// Its name for people.
     pub fn name(self) -> &'static str {
         match self {
             Self::Topic => "shared memory",
@@ -52,12 +52,12 @@ impl Way {
     }
 }
 
-/// A record's bytes, and how many of them, from the first on, are filled and read.
+/// Size of a record in bytes, and how many of them, from the first on, are filled and read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Size {
     /// Of the record.
     pub bytes: usize,
-    /// Of what is filled and read. Only shared memory can carry more: the layer zeroes the others, and nobody reads them.
+    /// Bytes filled and read. Only shared memory can carry more: its layer zeroes the others, and nobody reads them.
     pub used: usize,
 }
 
@@ -68,28 +68,28 @@ impl Size {
     }
 }
 
-/// What came of a run.
+/// Result of a run.
 #[derive(Debug)]
 pub struct Run {
     /// Records.
     pub count: u64,
-    /// From the first record to the last, a record.
+    /// Time from the first record to the last, per record.
     pub elapsed_us: f64,
-    /// Of the producer and both consumers, a record.
+    /// Processor time of all three processes, per record.
     pub cpu_us: f64,
-    /// From sending to arrival at the first consumer, which is woken for every record.
+    /// Median time from sending to arrival at the first consumer, which is woken for every record.
     pub p50_us: f64,
-    /// The same, of 99 in 100 records.
+    /// The same time, 99th percentile.
     pub p99_us: f64,
 }
 
-/// Sends `count` records of `size` over `way`, one a `period` or as fast as they are taken.
+/// Sends `count` records of `size` over `way`, one per `period` or as fast as they are read.
 ///
 /// # Errors
-/// A record that does not arrive whole and in order, and what the system returns.
+/// A record that does not arrive whole and in order, or an error of the system.
 pub fn run(way: Way, size: Size, count: u64, period: Option<Duration>) -> Result<Run> {
     let bytes = size.bytes;
-    ensure!(way == Way::Topic || size.used == bytes, "{} carries all that is sent", way.name());
+    ensure!(way == Way::Topic || size.used == bytes, "{} only carries whole records", way.name());
     let (cpu_ns, begun_ns, reports) = match way {
         Way::Topic => over_topic(size, count, period)?,
         Way::Socket | Way::Pipe => over_stream(way, bytes, count, period)?,
@@ -209,7 +209,7 @@ fn over_zeromq(bytes: usize, count: u64, period: Option<Duration>) -> Result<(u6
     let (mut sockets, mut consumers) = (Vec::new(), Vec::new());
     for number in 0..2 {
         let socket = context.socket(zmq::PUSH)?;
-        // An abstract name, which no folder keeps.
+        // An abstract name, which leaves no file.
         let name = format!("ipc://@tapline-hop-{}-{number}", std::process::id());
         socket.bind(&name)?;
         consumers.push(start(&format!("zeromq {bytes} {bytes} {name}"), Stdio::null())?);
@@ -241,7 +241,7 @@ fn from_zeromq(name: &str) -> Result<Seen> {
 /// A consumer that runs, and what it prints.
 type Consumer = (Child, BufReader<ChildStdout>);
 
-/// Starts a consumer, and waits until it runs: its start is not to be measured.
+/// Starts a consumer, and waits until it runs: its start must not be measured.
 fn start(role: &str, stdin: Stdio) -> Result<Consumer> {
     let mut command = Command::new(std::env::current_exe()?);
     command.env(ROLE, role).stdin(stdin).stdout(Stdio::piped());
@@ -292,8 +292,8 @@ impl Seen {
     }
 }
 
-/// Whether this process was started by [`run`], which starts copies of the program that calls it, to be a consumer; it is then
-/// done with being one.
+/// Whether [`run`], which starts copies of the program that calls it, started this process as a consumer; its work
+/// is then done.
 ///
 /// # Errors
 /// Those of the consumer.
@@ -303,11 +303,11 @@ pub fn is_consumer() -> Result<bool> {
     Ok(true)
 }
 
-/// Is the consumer that `role` names: its kind, the bytes of a record, how many of them are read, and the line.
+/// Runs the consumer that `role` names: its kind, the bytes of a record, how many of them are read, and the line.
 fn consume(role: &str) -> Result<()> {
     let words: Vec<&str> = role.splitn(4, ' ').collect();
     let &[kind, bytes, used, name] = words.as_slice() else {
-        bail!("{ROLE} is {role:?}; it is set by this program alone")
+        bail!("{ROLE} is {role:?}; only this program may set it")
     };
     let number = |word: &str| word.parse::<usize>().with_context(|| format!("{ROLE} is {role:?}"));
     let size = Size { bytes: number(bytes)?, used: number(used)? };
@@ -318,7 +318,7 @@ fn consume(role: &str) -> Result<()> {
         "stream" => from_stream(size.bytes)?,
         #[cfg(feature = "zeromq")]
         "zeromq" => from_zeromq(name)?,
-        _ => bail!("{ROLE} is {role:?}; it is set by this program alone"),
+        _ => bail!("{ROLE} is {role:?}; only this program may set it"),
     };
     seen.report()
 }

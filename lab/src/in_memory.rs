@@ -1,7 +1,7 @@
-//! A simulated line scanned within this process: every tap rendered and read, on the threads of the current pool, without
+//! Scans a simulated line within this process: every tap is rendered and read on threads of the current pool, without
 //! shared memory or archive.
 //!
-//! Values are those that the line's processes give, bit for bit, whatever the number of threads.
+//! The values equal those of the line's processes bit for bit, with any number of threads.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -11,14 +11,14 @@ use tapline_host::progress::{Progress, Unit};
 use tapline_model::SimulationConfig;
 use tapline_wire::{CacheLine, Plan, Samples, TapHeader, cache_lines_for};
 
-/// Taps that a thread takes at a time: few enough for threads to end together, and many to one lock.
+/// Taps that a thread takes at a time: few enough that threads end together, and enough that they rarely lock.
 const TAPS_AT_A_TIME: usize = 16;
 
-/// The plan of `scan`, and what `read` makes of the record of each of its rows. A tap of which it makes nothing is taken again, as
-/// often as by default; of one that has no retake left it must make something. Each thread has a `reader` of its own.
+/// Returns the plan of `scan` and the result of `read` for the record of each row. If `read` returns `None`, a tap is
+/// taken again, as often as by default; with no retake left, it must return a result. Each thread has its own `reader`.
 ///
 /// # Errors
-/// For a value of the configuration that is out of its bounds, those of `reader`, and for a tap of which nothing was made.
+/// A value of the configuration out of its bounds, an error of `reader`, or a tap for which `read` returns no result.
 pub(crate) fn scanned<R, T: Send>(
     scan: &ScanConfig,
     simulation: &SimulationConfig,
@@ -34,7 +34,7 @@ pub(crate) fn scanned<R, T: Send>(
         let mut maker = TapMaker::new(scan, simulation)?;
         let mut reader = reader()?;
         loop {
-            // In a statement of its own, so that the lock is released before the work is done.
+            // A separate statement, so that the lock is released before the work starts.
             let next = to_do.lock().unwrap_or_else(PoisonError::into_inner).next();
             let Some((first_row, places)) = next else { return Ok(()) };
             let count = places.len() as u64;
@@ -66,7 +66,7 @@ impl TapMaker {
         Ok(Self { line, header: TapHeader::default(), buffer, retakes: AcquireConfig::default().retakes })
     }
 
-    /// Takes the tap in plan row `row`, and again while `read` makes nothing of it and a retake is left.
+    /// Takes the tap in plan row `row`, and again while `read` returns `None` and a retake is left.
     fn take<T>(&mut self, row: u32, mut read: impl FnMut(&TapHeader, Samples<'_>) -> Option<T>) -> Result<T> {
         for attempt in 0..=self.retakes {
             self.line.render(row, attempt, &mut self.header, &mut self.buffer)?;
@@ -76,6 +76,6 @@ impl TapMaker {
                 return Ok(made);
             }
         }
-        bail!("nothing was made of tap {row} and its retakes")
+        bail!("tap {row} and its retakes gave no result")
     }
 }

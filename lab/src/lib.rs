@@ -1,18 +1,18 @@
-//! What a researcher runs beside the everyday program: `tapline-lab`.
+//! `tapline-lab`: tools for researchers, apart from the everyday program.
 //!
-//! - [`study`]: simulated tyres by the hundred, and how good each index and reference is.
-//! - [`pod`]: the same of casings that a plant has scanned and inspected.
-//! - [`chart`]: the atlas, speed against accuracy of all that can be chosen.
-//! - [`experiment`]: chapter 5 of the dissertation done again on three simulated tyres.
+//! - [`study`]: how good each index and reference is on hundreds of simulated tyres.
+//! - [`pod`]: the same for casings that a plant has scanned and inspected.
+//! - [`chart`]: the atlas: speed against accuracy of every choice.
+//! - [`experiment`]: chapter 5 of the dissertation repeated on three simulated tyres.
 //! - [`figures`]: the figures of the dissertation's contact theory.
 //! - [`estimators`]: bias and spread of every estimator on taps whose truth is known.
-//! - [`stability`]: breakdown curves, how wrong a number gets as a disturbance grows.
-//! - [`headroom`]: how many stations a host carries, and what binds.
+//! - [`stability`]: breakdown curves: how wrong a number gets as a disturbance grows.
+//! - [`headroom`]: how many stations a host supports, and what limits them.
 //! - [`line_cost`]: what a run of the built program cost.
-//! - [`hop`]: a record from process to process, through shared memory and other ways.
+//! - [`hop`]: records sent between processes, through shared memory and in other ways.
 //! - [`simulated`]: casings of two simulators, tapped and judged.
 //! - [`written`]: the files that a verb writes.
-//! - [`statistics`]: probability of detection, rates, gauge studies, resampling, held-out areas.
+//! - [`statistics`]: probability of detection, rates, gauge studies, intervals by resampling.
 
 pub mod chart;
 pub mod estimators;

@@ -1,4 +1,4 @@
-//! What a run of the built program cost, by the summary that it prints.
+//! What a run of the built program cost, read from the summary that it prints.
 
 use std::ffi::OsStr;
 use std::path::Path;
@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use anyhow::{Context as _, Result, ensure};
 use serde::Deserialize;
 
-/// What `tapline run --json` prints at its end, as far as it tells costs.
+/// The costs in what `tapline run --json` prints at its end.
 #[derive(Debug, Deserialize)]
 pub struct LineCost {
     /// Whether every tap is archived and judged.
@@ -23,7 +23,7 @@ pub struct LineCost {
 pub struct Pace {
     /// Taps that it has settled.
     pub taps: f64,
-    /// Of them in a second.
+    /// How many per second.
     pub taps_per_s: f64,
     /// Time from a tap to its discriminators that 99 of 100 do not exceed.
     pub latency_p99_us: f64,
@@ -38,23 +38,23 @@ pub struct Pace {
 pub struct ProcessCost {
     /// `acquire` with its stations, `process`, `fuse`, `store` or `line`.
     pub name: String,
-    /// Most memory.
+    /// Peak memory.
     pub peak_memory_mb: f64,
-    /// Processor time of its own.
+    /// Processor time in user mode.
     pub user_s: f64,
-    /// Processor time of the system for it.
+    /// Processor time in the kernel.
     pub kernel_s: f64,
 }
 
 impl ProcessCost {
-    /// Whether taps are simulated in it, which a rig does for nothing.
+    /// Whether it simulates taps, which costs nothing on a real rig.
     pub fn is_source(&self) -> bool {
         self.name.starts_with("acquire")
     }
 }
 
 impl LineCost {
-    /// The cost that a run whose output is `printed` has stated.
+    /// The cost that a run reports in its output `printed`.
     ///
     /// # Errors
     /// There is no summary, or the line has lost records, so that the cost is not that of all its taps.

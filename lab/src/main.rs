@@ -56,7 +56,7 @@ enum Verb {
         /// Folder to write into; made when it is not there.
         #[arg(long, default_value = "figures")]
         out: PathBuf,
-        /// The one figure to draw; all when left out.
+        /// Number of the figure to draw; all if left out.
         #[arg(long)]
         figure: Option<u8>,
         #[command(flatten)]
@@ -92,7 +92,7 @@ enum Verb {
     },
 }
 
-/// Ended, but archives were left out.
+/// Done, but some archives were left out.
 const INCOMPLETE: u8 = 3;
 
 fn main() -> ExitCode {
@@ -117,7 +117,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Does what was asked; whether nothing was left out.
+/// Runs the verb; returns whether nothing was left out.
 fn dispatch(verb: &Verb) -> Result<bool> {
     let done = match verb {
         Verb::Pod(args) => return pod::pod(args),

@@ -1,4 +1,4 @@
-//! Files that a verb writes, and what it prints of them.
+//! Files that a verb writes, and how it prints their paths.
 
 use std::io::Write as _;
 use std::path::PathBuf;
@@ -21,18 +21,18 @@ pub struct WrittenArgs {
 }
 
 impl WrittenArgs {
-    /// Checks, before the work is done, that a file that is always among those written may be.
+    /// Checks, before the work starts, that a file that is always written may be written.
     ///
     /// # Errors
-    /// That it is there and is not to be replaced.
+    /// The file exists and must not be replaced.
     pub(crate) fn check(self, path: &std::path::Path) -> Result<()> {
         Ok(check_writable(path, self.force.existing())?)
     }
 
-    /// Writes texts to their paths, all of them or none where one may not be written, and prints the paths.
+    /// Writes texts to their paths and prints the paths. If one of the files may not be written, none is.
     ///
     /// # Errors
-    /// An error of the file system, or a file that is not to be replaced.
+    /// An error of the file system, or a file that must not be replaced.
     pub(crate) fn write(self, files: &[(PathBuf, String)]) -> Result<()> {
         write_texts(files, self.force.existing())?;
         let mut out = Stdout;

@@ -7,7 +7,7 @@ use tapline_testing::documents::csv_rows;
 use crate::sandbox::{Sandbox, files};
 
 /// Catches a page, picture or table that is not written, errors that do not follow from the seed, a default that is not marked,
-/// progress that tells no time, and recordings whose absence is not told. Costs differ from run to run.
+/// progress without a time, and missing recordings without a notice. Costs differ from run to run.
 #[test]
 fn panels_are_measured_and_drawn() {
     let sandbox = Sandbox::new();
@@ -16,7 +16,7 @@ fn panels_are_measured_and_drawn() {
             format!("chart --quick --panel spectrum,codecs,transport --recordings nowhere --seed 3 --out {out}");
         let done = sandbox.run(&arguments).expect(0);
         assert!(done.err.contains("expected") && done.err.contains("NOTICE: codecs: no recorded taps"), "{}", done.err);
-        // By packing that is not optimised this may be off its front; that it is said is asked here.
+        // In an unoptimised build packing may be off its front; the test only asks that this is printed.
         assert!(done.out.contains("codec = \"lz4\": o"), "{}", done.out);
         files(&sandbox.path(out))
     };
@@ -53,7 +53,7 @@ fn a_part_of_the_panels_is_named_and_put_elsewhere() {
     let refused = sandbox.run("chart --quick --panel spectra --out here");
     assert!(refused.expect(1).err.contains("--panel is spectra; there are plans, recording,"));
     let refused = sandbox.run("chart --quick --panel spectrum");
-    assert!(refused.expect(1).err.contains("some panels alone do not replace docs/atlas"));
+    assert!(refused.expect(1).err.contains("only all panels together may replace docs/atlas"));
     assert!(!sandbox.path("docs").exists());
     std::fs::create_dir(sandbox.path("mine")).unwrap();
     std::fs::write(sandbox.path("mine/README.md"), "mine").unwrap();

@@ -95,7 +95,7 @@ fn the_page_says_what_the_table_says() {
     assert_eq!(names.len(), claims.len());
 }
 
-/// Catches a verdict that hangs on chance without the page saying so, bytes that depend on anything but the seed, and a file that
+/// Catches a verdict that depends on chance without the page saying so, bytes that depend on more than the seed, and a file that
 /// does not depend on it.
 #[test]
 fn verdicts_hang_on_the_seed_only_where_the_page_says_so() {

@@ -20,7 +20,7 @@ fn bad_values_are_named() {
     }
 }
 
-/// Catches a resource that is left out or not measured, and another one named than the scarcest.
+/// Catches a resource that is left out or not measured, and one named that is not the scarcest.
 #[test]
 fn the_scarcest_resource_binds() {
     let sandbox = Sandbox::new();

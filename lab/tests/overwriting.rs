@@ -1,4 +1,4 @@
-//! What is there already stays, unless `--force` says otherwise.
+//! Existing files stay, unless `--force` is given.
 
 use std::fs;
 

@@ -1,4 +1,4 @@
-//! `tapline-lab pod` on archives: its numbers against published examples and hand counts, what it leaves out, and its errors.
+//! `tapline-lab pod` on archives: its numbers compared with published examples and hand counts, what it omits, its errors.
 
 mod made;
 
@@ -18,7 +18,7 @@ fn ring(peak: f64) -> [f64; 8] {
     [0.1, 0.2, 0.3, peak, peak, 0.4, 0.5, 0.6]
 }
 
-/// The tables of `pod` on `casings` by the rows of a truth file.
+/// The tables of `pod` on `casings` with the rows of a truth file.
 fn tables(sandbox: &Sandbox, rows: &str) -> Value {
     fs::write(sandbox.path("truth.csv"), format!("{HEAD}{rows}")).unwrap();
     sandbox.run("pod casings --truth truth.csv --json").json(0)
@@ -127,7 +127,7 @@ fn the_gauge_is_that_of_aiag() {
     }
     assert_eq!(row(&found["basis"], "copies")["count"], 10.0);
     assert_eq!(row(&found["basis"], "repeated scans")["count"], 80.0);
-    // The archives know no truth, and no location has an index.
+    // The archives have no truth, and no location has an index.
     assert!(found["roc"][0]["auc"].is_null() && found["detection"][0]["a90_mm"].is_null());
     let of_locations = found["gauge"].as_array().unwrap().iter().find(|r| r["parts"] == 0.0).unwrap();
     assert!(of_locations["gauge_percent"].is_null() && !of_locations["remark"].is_null(), "{of_locations}");
@@ -206,7 +206,7 @@ fn archives_tell_their_own_truth() {
     let done = sandbox.run("pod casings --out found").expect(0);
     // The table breaks lines.
     let said = done.out.split_whitespace().collect::<Vec<_>>().join(" ");
-    assert!(said.contains("archives know no truth") && said.contains("X/1"), "{}", done.out);
+    assert!(said.contains("archives have no truth") && said.contains("X/1"), "{}", done.out);
     let page = text(&sandbox.path("found/page.md"));
     for name in ["basis", "detection", "roc", "calls", "gauge", "cracks", "shoulders"] {
         assert!(page.contains(&format!("({name}.csv)")), "{name}: {page}");
@@ -251,7 +251,7 @@ fn what_is_wrong_is_named() {
     of(2, &[6]).write(&sandbox.path("two/2.h5"));
     let err = sandbox.run("pod two").expect(1).err;
     assert!(
-        err.contains("location 3 of tyre B shoulder 1 is cracked by 1.h5 or by 2.h5, and sound by the other"),
+        err.contains("location 3 of tyre B shoulder 1 is cracked in 1.h5 or in 2.h5, and sound in the other"),
         "{err}"
     );
     fs::write(sandbox.path("casings/broken.h5"), "no archive").unwrap();

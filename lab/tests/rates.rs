@@ -11,14 +11,14 @@ fn counts(printed: &str, scene: &str) -> [usize; 3] {
     [4, 8, 12].map(|cell| cells[cell].parse().unwrap())
 }
 
-/// Catches limits that hold for the simulator alone that they were tried on, second readings that call more than they clear,
+/// Catches limits that only hold for the simulator they were tried on, second readings that call more than they clear,
 /// and few taps that miss what all taps find.
 #[test]
 fn stated_rates_hold_on_both_simulators() {
     let example = Path::new(env!("CARGO_BIN_EXE_tapline-lab")).parent().unwrap().join("examples/rates");
     let cache = tempfile::tempdir().unwrap();
     for simulator in ["plate", "model"] {
-        // Either makes two turns, so that each set is simulated once; what is counted is of the first.
+        // Both need two turns, so that each set is simulated once; the counts are those of the first.
         for (policy, repetitions) in [("fixed", "1,2"), ("adaptive", "1")] {
             let done = Command::new(&example)
                 .args(["--simulator", simulator, "--policy", policy, "--reference", "8", "--repetitions", repetitions])

@@ -1,4 +1,4 @@
-//! What the tests share: a folder of its own for each, the built program in it, and what it left behind.
+//! What the tests share: a folder for each, the built program run in it, and the files it leaves.
 
 use std::collections::BTreeMap;
 use std::fs;

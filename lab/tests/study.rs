@@ -1,4 +1,4 @@
-//! `tapline-lab study`: what it says depends on the seed alone, is within its bounds, and is what the committed page says.
+//! `tapline-lab study`: its output depends only on the seed, is within its bounds, and is what the committed page says.
 
 use std::collections::BTreeSet;
 
@@ -13,7 +13,7 @@ fn column(table: &Value, name: &str) -> Vec<f64> {
 }
 
 /// Catches bytes that depend on threads, areas and rates out of their bounds, an interval that does not hold its value, a
-/// table without rows, and sound shoulders that are called oftener than is stated.
+/// table without rows, and sound shoulders that are called more often than stated.
 #[test]
 fn a_quick_study_is_sound_whatever_the_threads() {
     let sandbox = Sandbox::new();

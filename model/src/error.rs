@@ -54,7 +54,7 @@ pub enum Error {
         /// Largest value allowed.
         high: f64,
     },
-    /// A fault is drawn with a probability that is none.
+    /// A fault's fraction is not a probability.
     #[error("fault[{number}].fraction is {fraction}; it must lie in 0 to 1")]
     Fault {
         /// Which of the faults, from 0.

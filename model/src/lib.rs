@@ -1,6 +1,6 @@
 //! The physics of a tap: contact, crack and sound, in closed form, as a differential equation and as a simulated tyre.
 //!
-//! `contact` is the impact on a block with or without a crack, `tyre` is what is made of it: a simulated tyre on its rig. Nothing
+//! `contact` is the impact on a block with or without a crack, `tyre` builds on it: a simulated tyre on its rig. Nothing
 //! here does input or output. The numbers of equations and tables are those of Shen, *Impact-Acoustic
 //! Evaluation Method of Internal Crack in Rubber Composite Structure*. Formulas use its letters:
 //!

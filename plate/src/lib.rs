@@ -1,6 +1,6 @@
 //! A second simulator of tapped casings, for tests and for the lab.
 //!
-//! What holds on one simulator may be a property of that simulator. This one shares no code and no physics with
+//! What is true on one simulator may be a property of that simulator. This one shares no code and no physics with
 //! `tapline-model`, so that a method tuned on one can be tested on the other.
 //!
 //! | | here | `tapline-model` |

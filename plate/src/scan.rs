@@ -134,13 +134,13 @@ pub fn discriminators(
     taps(population, seed, tyres, plan, retakes, || Ok(ProcessExtractor::new(process)?), read)
 }
 
-/// What `read` makes of the record of every tap of `plan`, in its order: force and sound, one after the other. A tap of which it
-/// makes nothing is taken again; after `retakes` times, which the header counts down, it must make something of it. Each thread
-/// has a `reader` of its own.
+/// The result of `read` for the record (force, then sound) of every tap of `plan`, in its order. If it is `None`, the tap
+/// is taken again; after `retakes` times, which the header counts down, it must return a result. Each thread
+/// has its own `reader`.
 ///
 /// # Errors
 /// [`Error`] if the plan has other records than force and sound as 32-bit numbers, a tyre that is not among `tyres`, or a tap of
-/// which nothing was made; also the errors of [`Casing::new`], [`Rig::new`] and `reader`.
+/// which `read` makes nothing; also the errors of [`Casing::new`], [`Rig::new`] and `reader`.
 pub fn taps<R, T: Send>(
     population: &Population,
     seed: u64,
@@ -165,7 +165,7 @@ pub fn taps<R, T: Send>(
                     .take(&casing, plan, scan, row, retakes, |header, samples| read(&mut reader, header, samples));
                 Ok((
                     row,
-                    made.ok_or_else(|| Error::Recording { what: format!("tap {row}, of which nothing is made") })?,
+                    made.ok_or_else(|| Error::Recording { what: format!("tap {row}, for which nothing is returned") })?,
                 ))
             };
             scan.taps.iter().map(take).collect()

@@ -106,7 +106,7 @@ impl Cache {
         Set::new(tyres, shape, values)
     }
 
-    /// Two taps' discriminators, in bits: sets of a simulator or an extractor that has changed are not those of the cache.
+    /// The bits of two taps' discriminators: they differ if simulator or extractor have changed since a set was cached.
     fn fingerprint(&self, scene: Scene, seed: u64) -> Result<Vec<u64>> {
         let shape = ScanShape {
             offsets_mm: vec![0.0],

@@ -1,4 +1,4 @@
-//! One cell: a scene judged by one kind of reference, and what is counted of it.
+//! One cell: a scene judged with one kind of reference, and its counts.
 
 use std::fmt;
 use std::io::Write;
@@ -21,14 +21,14 @@ use crate::cache::Cache;
 pub(crate) enum Policy {
     /// All taps and no others.
     Fixed,
-    /// All taps, and what stands out again.
+    /// All taps, then again what stands out.
     Full,
-    /// Some of the taps, and what stands out again.
+    /// Some of the taps, then again what stands out.
     Adaptive,
 }
 
 impl Policy {
-    /// The taps of a scan with so many repetitions of `shape`.
+    /// The taps of a scan of `shape` with `repetitions`.
     fn taps(self, shape: &ScanShape, repetitions: u16) -> ScanTaps {
         let full = ScanTaps::full(&shape.offsets_mm, &shape.velocities_m_per_s, repetitions);
         match self {
@@ -90,14 +90,14 @@ pub(crate) struct Asked {
     pub times: Times,
 }
 
-/// What is counted of a cell.
+/// The counts of a cell.
 #[derive(Debug)]
 pub(crate) struct Cell {
     scene: Scene,
     by: By,
     repetitions: u16,
     judged: Vec<Judged>,
-    /// Casings of the references that stand out from the others of theirs.
+    /// Casings of references that stand out from the others in theirs.
     standing_out: usize,
     seconds: f64,
 }
@@ -153,7 +153,7 @@ impl Cell {
         Ok(())
     }
 
-    /// Writes its lines: counts and areas, why shoulders were not passed, which cracked ones were, and the discriminators alone.
+    /// Writes its lines: counts and AUCs, why shoulders were not passed, which cracked ones passed, and discriminators alone.
     pub(crate) fn write(&self, out: &mut impl Write) -> Result<()> {
         let all = self.judged.len();
         let scene = format!("{:?}", self.scene);
@@ -191,7 +191,7 @@ impl Cell {
         times.sort_by(f64::total_cmp);
         writeln!(
             out,
-            "    seconds a casing: mean {:.1}, p95 {:.1}; tapped again {}",
+            "    seconds per casing: mean {:.1}, p95 {:.1}; tapped again {}",
             times.iter().sum::<f64>() / all as f64,
             times[(95 * all / 100).min(all - 1)],
             self.judged.iter().filter(|judged| judged.is_asked).count()
@@ -206,7 +206,7 @@ impl Cell {
         Ok(())
     }
 
-    /// Area under the curve of all locations together; without sound ones beside cracked ones where they are `apart`.
+    /// AUC of all locations together; if `apart`, without sound locations next to cracked ones.
     fn auc(&self, score: &impl Fn(&Judged) -> Vec<f64>, apart: bool) -> Option<f64> {
         let (mut scores, mut labels) = (Vec::new(), Vec::new());
         for judged in &self.judged {

@@ -1,11 +1,11 @@
-//! How often verdicts are right: sets of simulated casings, judged by references of sound ones.
+//! How often verdicts are right: sets of simulated casings, judged with references of sound ones.
 //!
 //! `cargo run --release -p tapline-lab --example rates -- --simulator plate --cache /tmp/rates` prints, for every scene,
 //! reference and number of repetitions, how many shoulders got which verdict with a 95 % interval, and how well the index
-//! and each discriminator alone rank the locations. Casings come in groups with a reference of their own each; a shoulder
+//! and each discriminator alone rank the locations. Casings come in groups, each with its own reference; a shoulder
 //! is judged once in a cell.
 //!
-//! What was simulated stays in the cache folder, one file a set: little-endian `f64`, and beside it a JSON head with the
+//! Simulated sets stay in the cache folder, one file per set: little-endian `f64`, and next to it a JSON head with the
 //! shape `[casing][shoulder][offset][velocity][repetition][location][column]`, the columns' names and the truth:
 //!
 //! ```python
@@ -35,7 +35,7 @@ struct Args {
     /// What simulates the casings.
     #[arg(long, value_enum, default_value = "plate")]
     simulator: Simulator,
-    /// Folder of what was simulated, kept from run to run.
+    /// Folder of simulated sets, kept from run to run.
     #[arg(long, default_value = "target/rates")]
     cache: PathBuf,
     /// What shoulders are compared with: `self`, or numbers of sound casings.
@@ -65,19 +65,19 @@ struct Args {
     /// Locations of a ring.
     #[arg(long, default_value_t = 100)]
     locations: u32,
-    /// Whether what stands out is tapped again, and whether only some of the taps are made before.
+    /// Whether what stands out is tapped again, and whether only some of the taps are made first.
     #[arg(long, value_enum, default_value = "fixed")]
     policy: Policy,
     /// Time from tap to tap, s.
     #[arg(long, default_value_t = 0.4)]
     tap_s: f64,
-    /// Time to go to another offset besides, s.
+    /// Additional time to another offset, s.
     #[arg(long, default_value_t = 3.0)]
     offset_s: f64,
     /// Stated rate of sound shoulders of which a part is tapped again; the default configuration's when left out.
     #[arg(long)]
     confirm_rate: Option<f64>,
-    /// Turns of a reference at each offset and velocity; twice those of the scan when left out, if what stands out is tapped again, else
+    /// Turns of a reference at each offset and velocity. If left out: twice those of the scan if what stands out is tapped again, else
     /// as many.
     #[arg(long)]
     reference_turns: Option<u16>,
@@ -93,7 +93,7 @@ struct Args {
     /// Stated rate of sound shoulders that are not passed; the default configuration's when left out.
     #[arg(long)]
     re_inspect_rate: Option<f64>,
-    /// One group of 12 sound and 8 cracked casings, once around, by a reference of 8, whatever else is asked: under a minute.
+    /// One group of 12 sound and 8 cracked casings, one turn, a reference of 8, whatever else is asked: under a minute.
     #[arg(long)]
     quick: bool,
 }

@@ -17,7 +17,7 @@ use crate::statistics::clopper_pearson;
 pub(crate) const OFFSETS_MM: [f64; 4] = [0.0, 5.0, 10.0, 15.0];
 /// Velocities of the full plan.
 pub(crate) const VELOCITIES_M_PER_S: [f64; 3] = [1.2, 1.5, 1.85];
-/// The velocity of all that does not vary it.
+/// The velocity wherever it is not varied.
 pub(crate) const VELOCITY_M_PER_S: f64 = 1.85;
 
 /// Populations: the sound scene, and the cracked ones of the same population.
@@ -44,7 +44,7 @@ pub(crate) fn expected_s(size: &Size) -> f64 {
     2.5e-5 * taps * (Simulator::ALL.len() * populations(size).len()) as f64 * size.seed_count as f64
 }
 
-/// The populations; a short chart has the smooth one alone.
+/// The populations; a short chart has only the smooth one.
 fn populations(size: &Size) -> &'static [(Scene, [Scene; 2])] {
     if size.is_full { &POPULATIONS } else { &POPULATIONS[..1] }
 }
@@ -82,7 +82,7 @@ pub(crate) fn groups(bench: &Bench) -> Result<Vec<Group>> {
     Ok(groups)
 }
 
-/// What came of the shoulders of a seed: sound and cracked ones.
+/// The judged shoulders of a seed: sound and cracked ones.
 #[derive(Debug, Clone)]
 pub(crate) struct Inspected {
     pub seed: u64,
@@ -90,7 +90,7 @@ pub(crate) struct Inspected {
     pub cracked: Vec<Judged>,
 }
 
-/// What a configuration makes of one group.
+/// How a configuration judges one group.
 pub(crate) type Configure<'a> = dyn Fn(&Group) -> Result<Judging> + Sync + 'a;
 
 /// The shoulders of every group of `simulator`, judged as `configure` says.
@@ -112,7 +112,7 @@ fn all_of(set: &Set) -> Range<usize> {
     0..set.tyres.len()
 }
 
-/// Which taps a reference has, and of how many casings.
+/// Which taps a reference has, and from how many casings.
 pub(crate) fn reference_of(
     group: &Group,
     config: &tapline_fuse::FuseConfig,
@@ -122,7 +122,7 @@ pub(crate) fn reference_of(
     crate::simulated::reference(config, &group.reference, casings, taps, None)
 }
 
-/// The rate, in per cent, at which `is_it` holds of the shoulders that `of` picks: over all, with an exact interval, and by seed.
+/// The rate, in per cent, at which `is_it` holds for shoulders that `of` selects: over all, with an exact interval, and by seed.
 pub(crate) fn rate_percent(
     inspected: &[Inspected],
     of: impl Fn(&Inspected) -> &[Judged],
@@ -152,7 +152,7 @@ pub(crate) fn called_percent(inspected: &[Inspected]) -> Result<Error> {
     rate_percent(inspected, |i| &i.sound, |judged| judged.verdict != Verdict::Pass.code())
 }
 
-/// The failure of a stated rate of false calls that `called`, in per cent, exceeds beyond chance.
+/// The failure if `called`, in per cent, significantly exceeds the stated rate of false calls.
 pub(crate) fn false_call_failure(called: &Error, stated: f64) -> Option<Failure> {
     exceeds("stated rate of false calls, %: lower end of what was measured", called.low, 100.0 * stated)
 }

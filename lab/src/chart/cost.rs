@@ -1,6 +1,6 @@
-//! What work costs: processor time of this thread, of workloads that take turns.
+//! What work costs: processor time of this thread, for workloads that take turns.
 //!
-//! Processor time leaves out what other programs take; what they cost besides, through caches and clock rates, falls on all
+//! Processor time excludes other programs; what these cost indirectly, through caches and clock rates, falls on all
 //! workloads alike since they take turns. So ratios within one facet can be trusted more than the numbers themselves.
 
 use std::hint::black_box;
@@ -17,7 +17,7 @@ pub(crate) fn thread_cpu_ns() -> i64 {
 
 /// Something whose cost is measured, a batch at a time.
 pub(crate) struct Workload<'a> {
-    /// How many taps, or other things, a batch is of.
+    /// How many taps, or other things, a batch has.
     count: usize,
     run: Box<dyn FnMut() -> f64 + 'a>,
 }
@@ -34,7 +34,7 @@ impl<'a> Workload<'a> {
     }
 }
 
-/// Microseconds of processor time that each of `workloads` takes for one of its things, over `rounds` by turns. A round before
+/// Microseconds of processor time that each of `workloads` takes per thing, over alternating `rounds`. A round before
 /// them is not counted: it fills the caches and the plans.
 pub(crate) fn by_turns(workloads: &mut [Workload<'_>], rounds: usize) -> Vec<Cost> {
     let mut times = vec![Vec::with_capacity(rounds); workloads.len()];
@@ -55,7 +55,7 @@ pub(crate) fn by_turns(workloads: &mut [Workload<'_>], rounds: usize) -> Vec<Cos
 mod tests {
     use super::*;
 
-    /// Catches time that stands still, a batch that is not divided by its count, and workloads that change places. Ten times the
+    /// Catches a clock that stands still, a batch not divided by its count, and workloads that are mixed up. Ten times the
     /// work takes more than twice the time on any machine, since both take turns.
     #[test]
     fn more_work_costs_more() {

@@ -3,17 +3,17 @@
 use super::point::{Error, LEVEL, Point};
 use crate::statistics::mean_interval;
 
-/// What a facet calls a difference.
+/// Differences that count in a facet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Tolerance {
-    /// Part of a cost: medians that differ by less are alike.
+    /// Fraction of a cost: medians that differ by less are equal.
     pub cost: f64,
-    /// Of an error, in its own unit: what differs by less is as good.
+    /// Of an error, in its unit: errors that differ by less are equal.
     pub error: f64,
 }
 
-/// For each of `points`, whether no other one is at most as costly and as wrong, and less of one of them. Points that fail a
-/// stability limit beat nothing, and are not on the front; nor does a point beat one of another group.
+/// For each of `points`, whether no other one is at most as costly and as wrong, and better in one. Points that fail a
+/// stability limit beat nothing and are not on the front. A point only beats points of its own group.
 pub(crate) fn front(points: &[Point]) -> Vec<bool> {
     let beats = |a: &Point, b: &Point| {
         let (cost, error) = (a.cost.median.total_cmp(&b.cost.median), a.error.value.total_cmp(&b.error.value));
@@ -41,14 +41,14 @@ pub(crate) enum Optimality {
         /// How much greater its error is than the default's, below 0 if less, with its 95 % interval over seeds.
         error_more: (f64, f64, f64),
     },
-    /// It fails a stability limit itself.
+    /// It fails this stability limit.
     Unstable {
-        /// Which.
+        /// Its name.
         case: &'static str,
     },
 }
 
-/// Whether `default` is on the front of `points`; of several that beat it, the one that costs least counts.
+/// Whether `default` is on the front of `points`; if several beat it, the cheapest is named.
 pub(crate) fn optimality(default: &Point, points: &[Point], tolerance: Tolerance) -> Optimality {
     if let Some(failure) = default.failures.first() {
         return Optimality::Unstable { case: failure.case };
@@ -70,8 +70,8 @@ pub(crate) fn optimality(default: &Point, points: &[Point], tolerance: Tolerance
     least.map_or(Optimality::OnFront, |(_, beaten)| beaten)
 }
 
-/// How much greater the error `a` is than `b`, with its interval: over seeds in pairs, or, where they have no seeds in common, the
-/// farthest that their intervals allow.
+/// By how much the error `a` exceeds `b`, with its interval: over paired seeds, or, without common seeds, the
+/// widest that their intervals allow.
 fn more(a: &Error, b: &Error) -> Option<(f64, f64, f64)> {
     let difference = a.value - b.value;
     if a.by_seed.len() == b.by_seed.len() && a.by_seed.len() > 1 {
@@ -98,7 +98,7 @@ mod tests {
         point.failing(vec![Failure { case: "C29", measured: 2.0, limit: 1.0 }])
     }
 
-    /// Catches a front that keeps what is beaten, drops a tie, or holds what fails.
+    /// Catches a front that keeps a beaten point, drops a tie, or keeps a failing point.
     #[test]
     fn the_front_is_what_none_beats() {
         let points = [
@@ -112,7 +112,7 @@ mod tests {
         assert_eq!(front(&points), [true, true, false, true, false, true]);
     }
 
-    /// Catches a default that is accused by noise, one that a cheaper and equal rival does not move, and a rival that wins though
+    /// Catches a default beaten by noise, one that a cheaper and equal rival does not beat, and a rival that wins although
     /// it fails.
     #[test]
     fn a_default_leaves_the_front_by_more_than_the_noise_alone() {

@@ -1,4 +1,4 @@
-//! `tapline-lab chart`: the atlas, speed against accuracy of everything that can be chosen, and every default on its front.
+//! `tapline-lab chart`: the atlas: speed against accuracy of every choice, and whether each default is on its front.
 
 mod casings;
 mod cost;
@@ -32,26 +32,26 @@ use self::progress::Progress;
 use self::provenance::Provenance;
 use self::size::Size;
 
-/// What a chart is asked for.
+/// Options of a chart.
 #[derive(Debug, clap::Args)]
 pub struct ChartArgs {
     /// Folder to write the page, pictures (SVG) and the table of points (CSV) into; made when it is not there. It is docs/atlas
-    /// when left out, and must be named for some panels alone.
+    /// if left out; with --panel it must be given.
     #[arg(long)]
     pub out: Option<PathBuf>,
     /// First of the seeds of all random numbers.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Do little of everything, to see that it works.
+    /// Measure a little of each, to see that it works.
     #[arg(long)]
     pub quick: bool,
     /// Panels to measure, by name; all when left out.
     #[arg(long, value_delimiter = ',')]
     pub panel: Vec<String>,
-    /// Folder of recorded tap sets; what needs them is left out, with a notice, where they are not there.
+    /// Folder of recorded tap sets; if they are missing, what needs them is left out, with a notice.
     #[arg(long, default_value = "../shared/data")]
     pub recordings: PathBuf,
-    /// Whether files that are there are replaced.
+    /// Whether existing files are replaced.
     #[command(flatten)]
     pub force: ForceArgs,
 }
@@ -91,13 +91,13 @@ impl Bench {
 /// Measures the panels that are asked for, and writes page, pictures and table.
 ///
 /// # Errors
-/// A panel that there is not, a computation that fails, or an error of the file system.
+/// An unknown panel, a computation that fails, or an error of the file system.
 pub fn chart(args: &ChartArgs) -> Result<()> {
     let folder = match (&args.out, args.panel.is_empty()) {
         (Some(out), _) => out.clone(),
         (None, true) => PathBuf::from("docs/atlas"),
         (None, false) => {
-            bail!("--panel without --out: some panels alone do not replace docs/atlas; name a folder for them")
+            bail!("--panel without --out: only all panels together may replace docs/atlas; name another folder")
         }
     };
     check_folder(&folder, args.force.existing())?;
@@ -111,7 +111,7 @@ pub fn chart(args: &ChartArgs) -> Result<()> {
     for entry in wanted {
         bench.progress.begin(entry.name, (entry.expected_s)(&bench.size));
         let panel = (entry.measure)(&bench).with_context(|| format!("cannot measure the panel {}", entry.name))?;
-        // One that needs what is not here has nothing to show; the notice stays.
+        // A panel whose recordings are missing has nothing to show; the notice stays.
         if !panel.facets.is_empty() {
             panels.push(panel);
         }
@@ -157,7 +157,7 @@ fn files(panels: &[Panel], skipped: &[Skipped], provenance: &Provenance) -> Resu
     Ok(files)
 }
 
-/// Prints each default with where it stands.
+/// Prints each default with its optimality.
 fn print_defaults(panels: &[Panel]) -> Result<()> {
     let mut out = Stdout;
     for row in words::defaults(panels) {
@@ -166,7 +166,7 @@ fn print_defaults(panels: &[Panel]) -> Result<()> {
     Ok(())
 }
 
-/// The panels called `names`; all of none.
+/// The panels called `names`; all if none is.
 fn wanted(names: &[String]) -> Result<Vec<&'static Entry>> {
     for name in names {
         let known: Vec<&str> = PANELS.iter().map(|entry| entry.name).collect();

@@ -8,12 +8,12 @@ pub(crate) struct Off {
     pub facet: &'static str,
     /// Name of its point.
     pub default: &'static str,
-    /// Why it is what it is.
+    /// Why it is the default.
     pub why: &'static str,
 }
 
-/// All of them. A test asks for a line here when the committed atlas shows a default off its front, and that the line goes when it is
-/// back.
+/// All of them. A test requires an entry for each default that is off its front in the committed atlas, and none for one
+/// on it.
 pub(crate) const OFF: [Off; 2] = [
     Off {
         panel: "force",
@@ -31,7 +31,7 @@ pub(crate) const OFF: [Off; 2] = [
     },
 ];
 
-/// Why `default` of `facet` is what it is, where it is known to be off.
+/// Why `default` is the default of `facet`, if it is known to be off.
 pub(crate) fn why(panel: &str, facet: &str, default: &str) -> Option<&'static str> {
     let of = |off: &&Off| off.panel == panel && off.facet == facet && off.default == default;
     OFF.iter().find(of).map(|off| off.why)

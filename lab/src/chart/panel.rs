@@ -4,7 +4,7 @@ use super::front::{Optimality, Tolerance, front, optimality};
 use super::point::Point;
 use crate::evaluation::Table;
 
-/// What is along an axis.
+/// Quantity of an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Quantity {
     /// In words.
@@ -24,13 +24,13 @@ impl Quantity {
         Self { label, unit, is_log: false }
     }
 
-    /// Label and unit, as an axis has them.
+    /// Label and unit, as an axis shows them.
     pub(crate) fn words(&self) -> String {
         if self.unit.is_empty() { self.label.to_owned() } else { format!("{}, {}", self.label, self.unit) }
     }
 }
 
-/// Something published, or needed, drawn across a facet: a band of costs.
+/// A published or required value, drawn across a facet as a band of costs.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Guide {
     pub label: &'static str,
@@ -40,18 +40,18 @@ pub(crate) struct Guide {
 /// One pair of axes with its points.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Facet {
-    /// In the table of points, unique within the panel.
+    /// Name in the table of points, unique within the panel.
     pub name: &'static str,
-    /// Over its axes.
+    /// Title above it.
     pub title: String,
     pub cost: Quantity,
     pub error: Quantity,
-    /// What is called a difference.
+    /// Differences that count.
     pub tolerance: Tolerance,
-    /// Against what the errors are.
+    /// What the errors are relative to.
     pub truth: String,
     pub seeds: Vec<u64>,
-    /// What the families of points are, by their numbers.
+    /// Names of the families of points, by their numbers.
     pub families: Vec<&'static str>,
     pub guides: Vec<Guide>,
     pub points: Vec<Point>,
@@ -63,7 +63,7 @@ impl Facet {
         front(&self.points)
     }
 
-    /// Each default with where it stands.
+    /// Each default with its optimality.
     pub(crate) fn defaults(&self) -> Vec<(&Point, Optimality)> {
         let defaults = self.points.iter().filter(|point| point.is_default);
         defaults.map(|default| (default, optimality(default, &self.points, self.tolerance))).collect()

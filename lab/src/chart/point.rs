@@ -16,7 +16,7 @@ pub(crate) struct Cost {
 }
 
 impl Cost {
-    /// Of repetitions; NaN of none.
+    /// Of repetitions; NaN if none.
     pub(crate) fn of(values: &[f64]) -> Self {
         let at = |q| quantile(values, q).unwrap_or(f64::NAN);
         Self { median: at(0.5), low: at(0.25), high: at(0.75) }
@@ -34,19 +34,19 @@ pub(crate) struct Error {
     pub value: f64,
     pub low: f64,
     pub high: f64,
-    /// Of each seed, in their order: errors of the same seed are of the same taps, so that they may be compared in pairs.
+    /// The error of each seed, in order: errors of one seed come from the same taps, so they can be compared in pairs.
     pub by_seed: Vec<f64>,
 }
 
 impl Error {
-    /// The mean of one error a seed, none of which can be below 0.
+    /// The mean of one error per seed, none of which can be below 0.
     pub(crate) fn mean_of(by_seed: Vec<f64>) -> Self {
         let none = Rate { rate: f64::NAN, low: f64::NAN, high: f64::NAN };
         let Rate { rate, low, high } = mean_interval(&by_seed, LEVEL).unwrap_or(none);
         Self { value: rate, low: if low < 0.0 { 0.0 } else { low }, high, by_seed }
     }
 
-    /// With an interval that was had otherwise, such as one by whole tyres.
+    /// With an interval computed differently, such as one over whole tyres.
     pub(crate) fn with_interval(self, interval: Option<(f64, f64)>) -> Self {
         match interval {
             Some((low, high)) => Self { low, high, ..self },
@@ -55,10 +55,10 @@ impl Error {
     }
 }
 
-/// A stability limit that a point does not keep.
+/// A stability limit that a point fails.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Failure {
-    /// What is asked, with its number among the stability cases where it has one.
+    /// The limit, with the number of its stability case if it has one.
     pub case: &'static str,
     pub measured: f64,
     pub limit: f64,
@@ -67,23 +67,23 @@ pub(crate) struct Failure {
 /// One configuration.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Point {
-    /// What it is, in a table.
+    /// Its name in a table.
     pub name: String,
-    /// What it is, beside its point: a few letters.
+    /// Its short label next to the point.
     pub label: String,
     /// Points of one family are drawn alike.
     pub family: usize,
-    /// Points of another group are no rivals: each group has a front of its own.
+    /// Points of other groups do not compete: each group has its own front.
     pub group: usize,
     pub cost: Cost,
     pub error: Error,
-    /// Whether it is what the program does when nothing else is asked for.
+    /// Whether it is what the program does by default.
     pub is_default: bool,
-    /// The stability limits that it does not keep: it is drawn hollow, and takes no part in the front.
+    /// The stability limits that it fails: if any, it is drawn hollow and is not on the front.
     pub failures: Vec<Failure>,
-    /// How many things the error is of: taps, shoulders, scenes.
+    /// How many taps, shoulders or scenes the error is from.
     pub n: usize,
-    /// What else is to be known.
+    /// A further remark.
     pub remark: String,
 }
 
@@ -129,7 +129,7 @@ impl Point {
     }
 }
 
-/// The failure of `case`, where `measured` exceeds `limit` or is no number.
+/// The failure of `case` if `measured` exceeds `limit` or is NaN.
 pub(crate) fn exceeds(case: &'static str, measured: f64, limit: f64) -> Option<Failure> {
     // Written so that NaN fails.
     let is_kept = measured <= limit;
@@ -140,14 +140,14 @@ pub(crate) fn exceeds(case: &'static str, measured: f64, limit: f64) -> Option<F
 mod tests {
     use super::*;
 
-    /// Catches a number that is no number and passes, and a limit that excludes itself.
+    /// Catches NaN that passes, and a limit that excludes itself.
     #[test]
     fn a_limit_is_kept_up_to_itself() {
         assert_eq!(exceeds("C1", 0.5, 0.5), None);
         assert!(exceeds("C1", 0.6, 0.5).is_some() && exceeds("C1", f64::NAN, 0.5).is_some());
     }
 
-    /// Catches an interval below 0, and one made up of a single seed.
+    /// Catches an interval below 0, and one from a single seed.
     #[test]
     fn errors_have_intervals_of_their_seeds() {
         let error = Error::mean_of(vec![0.0, 0.0, 0.3]);

@@ -1,4 +1,4 @@
-//! How far a chart is. Its parts are weighed by the time that they are expected to take.
+//! Progress of a chart. Its parts are weighted by the time that they are expected to take.
 
 use std::cell::{Cell, RefCell};
 
@@ -7,7 +7,7 @@ use tapline_host::progress::{self, Unit};
 /// Steps of the whole.
 const STEPS: f64 = 1000.0;
 
-/// How far a chart is.
+/// Progress of a chart.
 #[derive(Debug)]
 pub(crate) struct Progress {
     shown: RefCell<progress::Progress>,
@@ -20,13 +20,13 @@ pub(crate) struct Progress {
 }
 
 impl Progress {
-    /// Of parts that are expected to take `total_s` together.
+    /// For parts that are expected to take `total_s` together.
     pub(crate) fn new(total_s: f64) -> Self {
         let shown = RefCell::new(progress::Progress::new(Some(STEPS as u64), Unit::Part));
         Self { shown, total_s, done_s: Cell::new(0.0), part_s: Cell::new(0.0) }
     }
 
-    /// Begins the part called `name`, of which `expected_s` are expected; the one before is done.
+    /// Begins the part called `name`, expected to take `expected_s`; the one before is done.
     pub(crate) fn begin(&self, name: &str, expected_s: f64) {
         self.done_s.set(self.done_s.get() + self.part_s.replace(expected_s));
         self.print(&format!("chart: {name}, {expected_s:.0} s expected"));

@@ -7,13 +7,13 @@ use std::process::Command;
 pub struct Provenance {
     /// Model and number of the processors.
     pub cpu: String,
-    /// Vector instructions that kernels choose by.
+    /// Vector instructions that decide on kernels.
     pub vectors: String,
     /// Kernel of the system.
     pub system: String,
-    /// Profile, target and instructions that the compiler was allowed.
+    /// Profile, target and instructions that the compiler could use.
     pub build: String,
-    /// Commit, with `+` behind it where files were changed since.
+    /// Commit, followed by `+` if files have changed since.
     pub commit: String,
     /// Version of the program.
     pub version: &'static str,
@@ -21,7 +21,7 @@ pub struct Provenance {
     pub date: String,
     /// First seed.
     pub seed: u64,
-    /// Whether little of everything was done.
+    /// Whether only a little was measured.
     pub is_quick: bool,
 }
 
@@ -56,9 +56,9 @@ impl Provenance {
 }
 
 impl Provenance {
-    /// Each of them by a name for people.
+    /// Each of them with a name for people.
     pub(crate) fn rows(&self) -> Vec<(&'static str, String)> {
-        let effort = if self.is_quick { "quick: little of everything" } else { "full" };
+        let effort = if self.is_quick { "quick: a little of everything" } else { "full" };
         vec![
             ("processors", self.cpu.clone()),
             ("vector instructions", self.vectors.clone()),
@@ -73,7 +73,7 @@ impl Provenance {
     }
 }
 
-/// The model's name and how many there are.
+/// Model and number of processors.
 fn cpu() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let value = |name: &str| {
@@ -84,7 +84,7 @@ fn cpu() -> String {
     format!("{count} x {}", value("model name").unwrap_or_else(|| "unknown processor".to_owned()))
 }
 
-/// The instructions among those that kernels choose by at run time.
+/// The instructions, among those that decide on kernels at run time.
 fn vectors() -> String {
     #[cfg(target_arch = "x86_64")]
     let known = [
@@ -104,7 +104,7 @@ fn vectors() -> String {
 /// The commit of the working tree, or that there is none.
 fn commit() -> String {
     let Some(commit) = output("git", &["rev-parse", "--short=12", "HEAD"]) else { return "unknown".to_owned() };
-    // What the chart itself writes is no change of the program.
+    // Files that the chart itself writes are no change of the program.
     let changed = output("git", &["status", "--porcelain", "--untracked-files=no", "--", ".", ":(exclude,top)docs"]);
     if changed.is_some_and(|changed| !changed.is_empty()) { format!("{commit}+") } else { commit }
 }

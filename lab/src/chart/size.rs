@@ -5,17 +5,17 @@
 pub(crate) struct Size {
     /// Seeds of everything that is simulated.
     pub seed_count: u64,
-    /// Rounds by turns of what costs processor time.
+    /// Alternating rounds that measure processor time.
     pub rounds: usize,
     /// Taps that pass through a kernel in a round.
     pub taps: usize,
-    /// Contacts of a seed.
+    /// Contacts per seed.
     pub contacts: usize,
-    /// Taps of a pulse and a seed.
+    /// Taps per pulse and seed.
     pub pulses: u32,
-    /// Casings of a seed, a simulator and a population, in the order reference, sound, faint, strong.
+    /// Casings per seed, simulator and population, in the order reference, sound, faint, strong.
     pub casings: Casings,
-    /// The same, of what is recorded whole and read in many ways.
+    /// The same for casings that are recorded whole and read in many ways.
     pub recorded: Casings,
     /// Tyres of each set of the study, and seeds of these.
     pub study: (usize, u64),
@@ -23,7 +23,7 @@ pub(crate) struct Size {
     pub is_full: bool,
     /// Numbers of casings that make a reference.
     pub reference_sizes: Vec<usize>,
-    /// Records that are sent over each hop in a round, of 64 KiB; fewer of greater ones.
+    /// Records of 64 KiB that are sent over each hop in a round; of larger ones fewer.
     pub hops: u64,
     /// Records of a paced run.
     pub paced: u64,

@@ -1,4 +1,4 @@
-//! Stability limits of ways to read a sound: what breaks a value must not break it in silence.
+//! Stability limits of ways to read a sound: a value must not become wrong without a flag.
 
 use tapline_process::ProcessConfig;
 use tapline_wire::Discriminator;
@@ -9,7 +9,7 @@ use crate::stability::{COUNT, PRE_TRIGGER, RATE_HZ, Tap, add_hum, add_offset};
 /// The values that a spectrum gives.
 const POWERS: [Discriminator; 3] = [Discriminator::Pr, Discriminator::Pf, Discriminator::Ef];
 
-/// The limits that a configuration's powers do not keep. A value under a flag, or an absent one, is not in silence.
+/// The limits that a configuration's powers fail. A flagged or absent value does not fail.
 pub(crate) fn of_spectrum(config: &ProcessConfig) -> Vec<Failure> {
     let clean = Tap::sound();
     let silent = |tap: &Tap| {
@@ -45,7 +45,7 @@ pub(crate) fn of_spectrum(config: &ProcessConfig) -> Vec<Failure> {
     cases.into_iter().flatten().collect()
 }
 
-/// Another casing's tap, 50 ms later and as loud; higher modes come out of it.
+/// Another casing's tap, 50 ms later and as loud, with higher modes.
 fn add_neighbour(tap: &mut Tap) {
     let first = PRE_TRIGGER + (50e-3 * RATE_HZ) as usize;
     for k in first..COUNT {

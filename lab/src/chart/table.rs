@@ -1,4 +1,4 @@
-//! All points as one table (CSV), each with where its numbers are from.
+//! All points as one table (CSV), each with the origin of its numbers.
 
 use anyhow::Result;
 
@@ -99,7 +99,7 @@ fn row(panel: &Panel, facet: &Facet, point: &Point, on_front: bool, from: &Prove
     ]
 }
 
-/// A number to six digits; an absent one, and an end that there is not, is an empty cell.
+/// A number to six digits; an absent number or interval end is an empty cell.
 pub(crate) fn digits(value: f64) -> String {
     if !value.is_finite() {
         return String::new();

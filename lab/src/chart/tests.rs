@@ -42,7 +42,7 @@ fn committed() -> BTreeMap<(String, String), Committed> {
     facets
 }
 
-/// Catches a default that the committed atlas shows off its front beyond what is known of it, and one that is said to be off and is not.
+/// Catches a default that is off its front in the committed atlas without a known reason, and one wrongly listed as off.
 #[test]
 fn defaults_are_on_their_fronts() {
     let mut off = Vec::new();
@@ -59,7 +59,7 @@ fn defaults_are_on_their_fronts() {
         assert!(known.contains(of), "{of:?} has left its front: change the default, or say why not");
     }
     for of in &known {
-        assert!(off.contains(of), "{of:?} is on its front again: it need not be named any more");
+        assert!(off.contains(of), "{of:?} is on its front again: remove its entry");
     }
     let page = text(&docs("atlas/README.md"));
     for Off { default, why, .. } in &OFF {
@@ -73,8 +73,8 @@ fn quick_bench(wanted: &[&Entry]) -> Bench {
     Bench::new(&ChartArgs { out: None, seed: 1, quick: true, panel: Vec::new(), recordings, force }, wanted)
 }
 
-/// Catches a change of a kernel that takes a default off its front, or a rival ahead of it, without the atlas being drawn again: errors are
-/// measured anew, and costs are the committed ones, so that a busy machine changes nothing. Few taps are measured: three times the
+/// Catches a kernel change that takes a default off its front, or a rival ahead of it, while the atlas was not redrawn: errors are
+/// measured, and costs are the committed ones, so that a busy machine changes nothing. Few taps are measured: three times the
 /// tolerance is allowed.
 #[test]
 fn errors_measured_anew_leave_defaults_on_their_fronts() {
@@ -99,7 +99,7 @@ fn errors_measured_anew_leave_defaults_on_their_fronts() {
                 points.iter().filter(|point| point.is_default).map(|point| point.name.clone()).collect()
             };
             assert_eq!(defaults(points), defaults(&known.points), "{name}: the atlas marks another default");
-            // A wider tolerance asks more of a rival that is better, and less of one that is cheaper: both must say beaten.
+            // A wider tolerance demands more of a better rival, less of a cheaper one: both must beat the default.
             let cost = 2.0 * tolerance.cost;
             let both = [tolerance.error, 3.0 * tolerance.error].map(|error| Tolerance { cost, error });
             for default in with_known_costs.iter().filter(|point| point.is_default) {

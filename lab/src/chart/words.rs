@@ -1,4 +1,4 @@
-//! What pages say of points and defaults.
+//! What pages say about points and defaults.
 
 use super::front::Optimality;
 use super::off;
@@ -27,7 +27,7 @@ pub(crate) struct DefaultRow {
     pub default: String,
     pub is_on_front: bool,
     pub words: String,
-    /// Why it is what it is, though it is off.
+    /// Why it is the default although it is off.
     pub why: Option<&'static str>,
 }
 
@@ -90,7 +90,7 @@ impl Facet {
 mod tests {
     use super::*;
 
-    /// Catches digits that are made up, and a minus that a line may break at.
+    /// Catches invented digits, and a minus after which a line may break.
     #[test]
     fn numbers_are_short() {
         let texts = [0.123_456, 12_345.0, -0.000_012_34, 0.0, f64::NAN, 1.0].map(few_digits);

@@ -13,7 +13,7 @@ use super::{Cell, Effort, Errors, Estimator, RATES_HZ, Row, add_noise, amount, e
 pub(super) const EFFORT: Effort = Effort { seed: 0, taps: 300 };
 /// Samples before the impact.
 const PRE_TRIGGER: u32 = 200;
-/// Depth of the crack that the plates lie over: as deep as thin-plate theory goes.
+/// Depth of the crack that the plates lie over: the deepest for thin-plate theory.
 const CRACK_M: f64 = 5e-3;
 
 const PULSES: [&str; 4] = ["half-sine", "integral", "plate", "full"];
@@ -60,7 +60,7 @@ impl Pulse {
             "integral" => Impact::integral(&sound)?,
             "plate" => Impact::plate(&cracked)?,
             "full" => Impact::full(&cracked)?,
-            other => bail!("no pulse {other}"),
+            other => bail!("unknown pulse {other}"),
         };
         let mut history_n = Vec::new();
         let step_s = impact.force_history(&mut history_n);
@@ -126,7 +126,7 @@ fn estimators(cell: &Cell) -> Result<Vec<Estimator>> {
         "clip" => vec![Estimator { name: "parabola", config: plain, quantities: BOTH }],
         _ => {
             let Some(droop_time_constant_s) = amount(&cell.fault, "time constant ")? else {
-                bail!("{} is no droop", cell.fault)
+                bail!("{} is not a droop", cell.fault)
             };
             let corrected = ProcessConfig { droop_time_constant_s, ..plain };
             vec![
@@ -182,7 +182,7 @@ pub(super) fn measure(cell: &Cell, effort: Effort) -> Result<Vec<Row>> {
     Ok(rows)
 }
 
-/// The samples of `pulse`, which begins `phase` samples before the trigger, behind the coupling that the cell may have.
+/// The samples of `pulse`, which begins `phase` samples before the trigger, after the AC coupling if the cell has one.
 #[expect(clippy::cast_possible_truncation, reason = "samples are in single precision")]
 fn record(pulse: &Pulse, cell: &Cell, phase: f64) -> Result<Vec<f32>> {
     /// Steps of the coupling within a sample.

@@ -25,7 +25,7 @@ use crate::written::WrittenArgs;
 /// Sample rates of the study: the rig's, and one at which a pulse has ten samples.
 const RATES_HZ: [u32; 2] = [40_960, 10_240];
 
-/// What is measured together: taps that differ in noise and trigger only.
+/// A cell of the tables: taps that differ only in noise and trigger.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub(crate) struct Cell {
     /// Which table it belongs to.
@@ -46,8 +46,8 @@ fn plain() -> ProcessConfig {
 }
 
 impl Cell {
-    /// Random numbers of this cell alone, so that it can be measured again without the others (FNV-1a of its name); each seed has
-    /// its own.
+    /// Random numbers of this cell only, so that it can be measured again without the others (FNV-1a of its name); different for
+    /// each seed.
     fn generator(&self, seed: u64) -> ChaCha8Rng {
         let name = format!("{self:?}");
         let mut generator = ChaCha8Rng::seed_from_u64(
@@ -59,16 +59,16 @@ impl Cell {
     }
 }
 
-/// How much of a pulse is measured.
+/// How a cell is measured.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Effort {
-    /// Of noise and triggers; that of the page is 0.
+    /// Seed of noise and triggers; 0 on the page.
     pub seed: u64,
     /// Taps of a cell.
     pub taps: u32,
 }
 
-/// What an estimator made of a cell.
+/// The result of an estimator.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Row {
     pub table: String,
@@ -96,7 +96,7 @@ pub fn write(out: &Path, written: WrittenArgs) -> Result<()> {
     written.write(&[(out.join("estimators.csv"), csv(&rows)?), (out.join("estimators.md"), markdown(&rows))])
 }
 
-/// Measures the cells that `is_wanted`.
+/// Measures the cells that `is_wanted` selects.
 pub(crate) fn measure(is_wanted: impl Fn(&Cell) -> bool) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
     let wanted = |cells: Vec<Cell>| cells.into_iter().filter(&is_wanted).collect::<Vec<_>>();
@@ -125,7 +125,7 @@ pub(crate) fn csv(rows: &[Row]) -> Result<String> {
     Ok(String::from_utf8(writer.into_inner()?)?)
 }
 
-/// An estimator by its name in the table, and what it is asked for.
+/// An estimator with its name in the table, and its quantities.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Estimator {
     pub name: &'static str,
@@ -133,7 +133,7 @@ pub(crate) struct Estimator {
     pub quantities: &'static [Discriminator],
 }
 
-/// Values of one quantity over many taps, beside the truth.
+/// Errors of one quantity over many taps.
 #[derive(Debug, Default)]
 struct Errors {
     percent: Vec<f64>,
@@ -148,7 +148,7 @@ impl Errors {
         }
     }
 
-    /// To three decimals, of which noise in the last digits of a transform does not reach the second.
+    /// Rounded to three decimals: noise in the last digits of a transform does not reach the second one.
     fn row(&self, cell: &Cell, estimator: &str, quantity: Discriminator) -> Row {
         let count = f64::from(u32::try_from(self.percent.len()).unwrap_or(u32::MAX));
         let mean = self.percent.iter().sum::<f64>() / count;
@@ -170,7 +170,7 @@ impl Errors {
     }
 }
 
-/// One channel in its own unit as a record, and what `extractor` finds in it.
+/// What `extractor` finds in a record of one channel, whose samples are in its unit.
 fn extract<T: Real>(
     extractor: &mut Extractor<T>,
     kind: Channel,
@@ -201,7 +201,7 @@ fn add_noise(samples: &mut [f32], peak: f64, snr_db: Option<u32>, generator: &mu
     }
 }
 
-/// Evenly spread in 0 to 1.
+/// Uniform in 0 to 1.
 fn uniform(generator: &mut ChaCha8Rng) -> Result<f64> {
     Ok(Uniform::new(0.0, 1.0)?.sample(generator))
 }

@@ -2,23 +2,23 @@
 
 use super::Row;
 
-/// The page above its tables, and what follows from them.
+/// The page above its tables, with conclusions from them.
 const HEAD: &str = include_str!("head.md");
 
-/// A table of the page: rows of which table and quantity it shows, and what stands above it.
+/// A table of the page: the table and quantity whose rows it shows, and its heading.
 const TABLES: [(&str, &str, &str); 9] = [
     ("force", "f_max", "## F_max"),
-    ("force", "tau_s", "## tau, beside the time of contact"),
+    ("force", "tau_s", "## tau, relative to the contact time"),
     ("clip", "f_max", "## F_max of a clipped force"),
     ("clip", "tau_s", "## tau of a clipped force, from the width at 10 % of that F_max"),
-    ("droop", "f_max", "## F_max behind a coupling"),
-    ("droop", "tau_s", "## tau behind a coupling"),
+    ("droop", "f_max", "## F_max after an AC coupling"),
+    ("droop", "tau_s", "## tau after an AC coupling"),
     ("sound", "pr", "## PR"),
     ("sound", "p_f", "## P_f"),
     ("sound", "e_f", "## E_f"),
 ];
 
-/// The page of `rows`: a line a cell, a column an estimator, bias and spread in % of the truth.
+/// The page of `rows`: a line per cell, a column per estimator, bias and spread in % of the truth.
 pub(crate) fn markdown(rows: &[Row]) -> String {
     let mut page = HEAD.to_owned();
     for (table, quantity, title) in TABLES {
@@ -59,7 +59,7 @@ fn shown(row: &Row) -> String {
     format!("{} ± {}{absent}", digits(row.bias_percent, true), digits(row.spread_percent, false))
 }
 
-/// Two digits behind the point for what is small, none for what is large.
+/// Two decimals for small values, none for large ones.
 fn digits(percent: f64, has_sign: bool) -> String {
     let places = match percent.abs() {
         ..0.9995 => 2,

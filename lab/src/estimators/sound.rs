@@ -1,4 +1,4 @@
-//! PR, P_f and E_f of sounds from the simulated rig, which is made perfect so that noise and faults are this study's own.
+//! PR, P_f and E_f of sounds from the simulated rig without imperfections: noise and faults are only this study's.
 
 use std::f64::consts::TAU;
 
@@ -14,7 +14,7 @@ const TAPS: u32 = 100;
 /// Seconds of a record, and before the impact.
 const RECORD_S: f64 = 0.4;
 const PRE_TRIGGER_S: f64 = 0.0125;
-/// Seconds of the beginning that is read alone: a record's default length.
+/// Seconds at the beginning that some ways read: a record's default length.
 const USED_S: f64 = 0.05;
 
 const POWERS: &[Discriminator] = &[Discriminator::Pr, Discriminator::Pf, Discriminator::Ef];
@@ -74,7 +74,7 @@ pub(super) fn measure(cell: &Cell) -> Result<Vec<Row>> {
     let peak = clean.iter().map(|x| f64::from(x.abs())).max_by(f64::total_cmp).unwrap_or(f64::NAN);
     let mut generator = cell.generator(0);
     let mut taps = Vec::new();
-    // Without random numbers all taps are the same one.
+    // Without random numbers all taps are the same.
     for _ in 0..if cell.snr_db.is_none() && cell.fault.is_empty() { 1 } else { TAPS } {
         let mut samples = clean.clone();
         spoil(&mut samples, &clean, peak, pre_trigger, cell, uniform(&mut generator)?)?;
@@ -110,7 +110,7 @@ fn measure_with<T: Real>(
     Ok(errors.iter().zip(estimator.quantities).map(|(errors, &q)| errors.row(cell, estimator.name, q)).collect())
 }
 
-/// PR, P_f and E_f of the first `used_s` of `samples`; density and energy are averages over what is used, and are given as
+/// PR, P_f and E_f of the first `used_s` of `samples`; density and energy are averages over that part, rescaled to
 /// averages over all.
 fn powers<T: Real>(
     extractor: &mut Extractor<T>,
@@ -156,7 +156,7 @@ fn clean(cell: &Cell) -> Result<Vec<f32>> {
     let cracks = match cell.signal.as_str() {
         "sound" => Vec::new(),
         "cracked" => vec![Crack::default()],
-        other => bail!("no sound {other}"),
+        other => bail!("unknown sound {other}"),
     };
     let volts_per_count = config.sound_full_scale_v / 32_768.0;
     let mut rig = SimulatedRig::new(&config, 1, &[SimulatedTyre { serial: "E".to_owned(), cracks }])?;
@@ -175,7 +175,7 @@ fn clean(cell: &Cell) -> Result<Vec<f32>> {
     Ok(samples[sample_count as usize..].iter().map(|&x| (f64::from(x) * volts_per_count) as f32).collect())
 }
 
-/// Adds what else the cell has: hum of any phase, or the tap of a neighbour after 60 ms.
+/// Adds the fault of the cell: hum of any phase, or a neighbour's tap after 60 to 120 ms.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,

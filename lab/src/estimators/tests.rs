@@ -30,7 +30,7 @@ fn the_table_of_estimators_is_not_stale() {
         let same = same.unwrap_or_else(|| panic!("not in the table: {row:?}"));
         // Transforms differ in their last digits from machine to machine.
         for (x, y) in [(row.bias_percent, same.bias_percent), (row.spread_percent, same.spread_percent)] {
-            assert!((x - y).abs() <= 0.002 + 1e-3 * y.abs(), "{row:?} is {same:?} in the table; write it anew");
+            assert!((x - y).abs() <= 0.002 + 1e-3 * y.abs(), "{row:?} is {same:?} in the table; write it again");
         }
     }
 }
@@ -71,7 +71,7 @@ fn default_estimators_keep_their_limits() {
     }
 }
 
-/// Catches a page that does not show the table beside it.
+/// Catches a page that does not show the committed table.
 #[test]
 fn the_page_shows_the_table() {
     assert!(markdown(&rows()) == committed("estimators.md"), "run `tapline-lab estimators`");

@@ -1,5 +1,5 @@
-//! ROC curves over the locations, or the shoulders, of many tyres: areas, and what is found at a rate of false alarms. Intervals
-//! draw whole tyres, since what lies on one is alike.
+//! ROC curves over the locations, or the shoulders, of many tyres: areas, and finds at a rate of false alarms. Intervals
+//! resample whole tyres, since places on one are alike.
 
 use std::collections::BTreeMap;
 
@@ -17,16 +17,16 @@ pub(crate) const FALSE_ALARMS: f64 = 0.05;
 /// Resamples of an interval.
 const RESAMPLES: u32 = 1000;
 
-/// Places drawn together within a ring: an index that is a mean over three, on waves of a third of the ring and longer.
+/// Places resampled together in a ring: the index is a mean over three, on waves of a third of the ring and longer.
 const BLOCK: usize = 10;
 
-/// Fewest tyres with a crack, and with something sound, of which an interval is drawn.
+/// Fewest tyres with a crack, and with something sound, that give an interval.
 const TYRES_MIN: usize = 2;
 
 /// Scores of cracked and sound things, which are locations or shoulders, with the tyre of each.
 #[derive(Debug, Clone)]
 pub(crate) struct Areas {
-    /// From the highest score down; without those that are no number.
+    /// From the highest score down; without NaN.
     sorted: Vec<Thing>,
     tyre_count: usize,
     /// As they were given.
@@ -109,8 +109,8 @@ impl Areas {
 
     /// 95 % interval by whole tyres.
     ///
-    /// Resamples of a perfect area are all perfect, which says nothing of the next tyre. Then the interval is the exact one
-    /// of as many independent pairs, all won, as can be formed of a cracked and a sound thing of different tyres.
+    /// Resamples of a perfect area are all perfect, which says nothing about the next tyre. Then the interval is the exact
+    /// one for as many pairs of a cracked and a sound thing as have no tyre in common, all ranked correctly.
     pub(crate) fn by_tyres(&self, seed: u64) -> Option<(f64, f64)> {
         let drawn = self.resampled(seed, |drawn| self.drawn(drawn))?;
         self.or_exact(drawn, self.pair_count())
@@ -121,16 +121,16 @@ impl Areas {
         self.resampled(seed, |drawn| Some(self.drawn(drawn)? - other.drawn(drawn)?))
     }
 
-    /// The part of the cracked that is found by the loosest limit that calls at most `false_alarms` of the sound; `None`
-    /// where that is less than one of them, or nothing is cracked.
+    /// The part of the cracked found with the loosest limit that calls at most `false_alarms` of the sound; `None`
+    /// if that is less than one sound thing, or nothing is cracked.
     pub(crate) fn found_at(&self, false_alarms: f64, seed: u64) -> Option<FoundAt> {
         let rate = self.found(&vec![1.0; self.tyre_count], false_alarms)?;
         let drawn = self.resampled(seed, |drawn| self.found(drawn, false_alarms));
-        // Of a part that never changes each cracked tyre is a trial.
+        // If the part never changes, each cracked tyre is a trial.
         Some(FoundAt { rate, interval: drawn.and_then(|drawn| self.or_exact(drawn, self.tyre_count(true))) })
     }
 
-    /// False and true positive rates, from the strictest limit to the loosest, without points on a straight.
+    /// False and true positive rates, from the strictest limit to the loosest, without points on a straight line.
     pub(crate) fn roc_points(&self) -> Vec<Point> {
         let [sound_all, cracked_all] = [false, true].map(|class| self.count(class) as f64);
         let mut points = vec![(0.0, 0.0)];
@@ -144,8 +144,8 @@ impl Areas {
         (0..points.len()).filter(|&k| k == 0 || k + 1 == points.len() || is_corner(k)).map(|k| points[k]).collect()
     }
 
-    /// Shows how many sound and cracked things lie at or above each score, from the highest down, of tyres as often as they
-    /// are drawn.
+    /// Shows how many sound and cracked things lie at or above each score, from the highest down, a tyre counted as often
+    /// as drawn.
     fn sweep(&self, drawn: &[f64], mut see: impl FnMut(f64, f64)) {
         let (mut sound, mut cracked) = (0.0, 0.0);
         for tied in self.sorted.chunk_by(|a, b| a.score.total_cmp(&b.score).is_eq()) {
@@ -157,7 +157,7 @@ impl Areas {
         }
     }
 
-    /// The area of tyres as often as they are drawn.
+    /// The area, each tyre counted as often as drawn.
     fn drawn(&self, drawn: &[f64]) -> Option<f64> {
         let (mut before, mut won) = ((0.0, 0.0), 0.0);
         self.sweep(drawn, |sound, cracked| {
@@ -172,7 +172,7 @@ impl Areas {
         let mut curve = vec![(0.0, 0.0)];
         self.sweep(drawn, |sound, cracked| curve.push((sound, cracked)));
         let &(sound_all, cracked_all) = curve.last()?;
-        // A hair more, so that 1 of 20 is 5 %.
+        // Slightly more, so that 1 of 20 is 5 %.
         let most = false_alarms * sound_all + 1e-9;
         let found = curve.iter().filter(|point| point.0 <= most).map(|point| point.1).max_by(f64::total_cmp)?;
         (most >= 1.0 && cracked_all > 0.0).then(|| found / cracked_all)
@@ -183,7 +183,7 @@ impl Areas {
         is_enough.then(|| interval(seed, self.tyre_count, value)).flatten()
     }
 
-    /// `drawn`, or the exact interval of `trials` that all succeeded, or all failed, where resamples do not differ.
+    /// `drawn`, or, if resamples do not differ, the exact interval of `trials` that all succeeded or all failed.
     fn or_exact(&self, drawn: (f64, f64), trials: usize) -> Option<(f64, f64)> {
         let is_one = |value: f64| drawn.0 >= value && drawn.1 <= value;
         let successes = match () {
@@ -194,7 +194,7 @@ impl Areas {
         clopper_pearson(successes, trials, 0.95).ok().map(|rate| (rate.low, rate.high))
     }
 
-    /// Most pairs of a tyre with something cracked and another with something sound that share no tyre.
+    /// Largest number of pairs without a common tyre, of one with something cracked and one with something sound.
     fn pair_count(&self) -> usize {
         let [cracked, sound] = [self.tyre_count(true), self.tyre_count(false)];
         let either = self.has(true).iter().zip(self.has(false)).filter(|&(&cracked, sound)| cracked || sound).count();
@@ -202,7 +202,7 @@ impl Areas {
     }
 }
 
-/// The middle 95 % of `value` over resamples of `count` things, from how often each is drawn.
+/// The middle 95 % of `value` over resamples of `count` things, given how often each is drawn.
 pub(crate) fn interval(seed: u64, count: usize, value: impl Fn(&[f64]) -> Option<f64>) -> Option<(f64, f64)> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut drawn = vec![0.0; count];

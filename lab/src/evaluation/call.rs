@@ -2,7 +2,7 @@
 
 use tapline_wire::Verdict;
 
-/// What is called false where the shoulder is sound.
+/// Verdicts that are false calls on a sound shoulder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Call {
     NotPassed,

@@ -15,7 +15,7 @@ pub(crate) const DETECTION_COLUMNS: [&str; 8] =
 #[derive(Debug, Clone)]
 pub(crate) struct Target {
     pub size_mm: f64,
-    /// Where it is known.
+    /// If it is known.
     pub depth_mm: Option<f64>,
     pub location_count: u32,
     pub is_found: bool,
@@ -23,7 +23,7 @@ pub(crate) struct Target {
     pub response: f64,
 }
 
-/// The targets of a class, with both curves or why there is none.
+/// The targets of a class, with both curves or why one is missing.
 #[derive(Debug)]
 pub(crate) struct Detection {
     pub class: String,
@@ -33,8 +33,8 @@ pub(crate) struct Detection {
 }
 
 impl Detection {
-    /// Fits both curves, the second to responses that are finds above `limit`; a target without a response was missed, and has no
-    /// part in the second.
+    /// Fits both curves, the second to responses, which are finds above `limit`; a target without a response was missed, and is
+    /// not in the second.
     pub(crate) fn new(class: String, targets: Vec<Target>, limit: f64) -> Self {
         let sizes: Vec<f64> = targets.iter().map(|t| t.size_mm).collect();
         let is_found: Vec<bool> = targets.iter().map(|t| t.is_found).collect();
@@ -101,7 +101,7 @@ impl Detection {
 fn few(targets: AtLeast) -> String {
     let AtLeast { count, wanted } = targets;
     if targets.is_few() {
-        format!("{count} targets, of at least {wanted} that MIL-HDBK-1823A wants")
+        format!("{count} targets; MIL-HDBK-1823A asks for at least {wanted} of them")
     } else {
         String::new()
     }

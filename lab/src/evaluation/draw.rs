@@ -45,7 +45,7 @@ pub(crate) struct Plot {
 #[derive(Debug, Clone)]
 pub(crate) struct Picture {
     pub name: &'static str,
-    /// Name of the table it stands beside.
+    /// Name of the table it belongs to.
     pub beside: &'static str,
     pub title: &'static str,
     pub note: String,

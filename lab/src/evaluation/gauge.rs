@@ -8,7 +8,7 @@ use super::table::{Cell, cell};
 /// What is read of a scan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Reading {
-    /// A shoulder is a part, and its strongest arc what is read: a verdict rests on it.
+    /// A shoulder is a part, read by its strongest arc: a verdict rests on it.
     StrongestArc,
     /// A location is a part. Most are sound, and the index of a sound one is scatter in units of its own standard deviation.
     DamageIndex,
@@ -21,7 +21,7 @@ impl Reading {
         ["shoulders by strongest arc", "locations by damage index"][self as usize]
     }
 
-    /// The readings of a shoulder, one a part.
+    /// The readings of a shoulder, one per part.
     pub(crate) fn of(self, shoulder: &ShoulderResult) -> Vec<f64> {
         match self {
             Self::StrongestArc => vec![shoulder.strongest_arc],

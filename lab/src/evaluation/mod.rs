@@ -1,4 +1,4 @@
-//! What is found of judged shoulders whose truth is known, simulated or scanned in a plant: ROC curves, detection, false calls,
+//! Evaluates judged shoulders whose truth is known, simulated or scanned in a plant: ROC curves, detection, false calls,
 //! gauge studies; and tables and figures of them.
 
 mod areas;

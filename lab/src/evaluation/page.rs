@@ -22,7 +22,7 @@ pub(crate) fn print_tables(tables: &[Table], as_json: bool) -> Result<()> {
     Ok(())
 }
 
-/// A page: `head`, what is found in short, and the tables under their `heading`s with the pictures that belong beside them. Files lie
+/// A page: `head`, the findings in short, and the tables under their `heading`s with the pictures that belong to them. Files are
 /// in `folder`, which is empty or ends with a slash.
 pub(crate) fn page_of(
     head: &str,

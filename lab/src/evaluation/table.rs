@@ -1,11 +1,11 @@
-//! What is found, as tables: the same cells go to the terminal, to JSON, to CSV and onto the page.
+//! The findings as tables: the same cells go to the terminal, to JSON, to CSV and onto the page.
 
 use std::fmt::{self, Display, Formatter};
 
 use anyhow::Result;
 use serde_json::{Map, Value};
 
-/// Digits of a number: more than any of its intervals knows.
+/// Digits of a number: more than its interval justifies.
 const DIGITS: usize = 4;
 
 /// One cell of a table.
@@ -112,7 +112,7 @@ impl Table {
         format!("{}\n{table}\n", self.title)
     }
 
-    /// As it stands on the page.
+    /// As Markdown for the page.
     pub(crate) fn markdown(&self) -> String {
         let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
         let head: Vec<String> = self.columns.iter().map(|column| column.replace('_', " ")).collect();
@@ -127,7 +127,7 @@ pub(crate) fn cell(value: impl Into<Option<f64>>) -> Cell {
     value.into().filter(|value| value.is_finite()).map_or(Cell::Empty, Cell::Number)
 }
 
-/// Whether something is so, as a cell.
+/// Yes or no, as a cell.
 pub(crate) fn yes_or_no(is_so: bool) -> Cell {
     if is_so { "yes" } else { "no" }.into()
 }
@@ -141,7 +141,7 @@ pub(crate) fn ends(interval: Option<(f64, f64)>) -> [Cell; 2] {
 mod tests {
     use super::*;
 
-    /// Catches digits that are made up, an absent value that becomes a number, and a minus before nothing.
+    /// Catches invented digits, an absent value that becomes a number, and a minus before zero.
     #[test]
     fn cells_are_short() {
         let cells = [Some(0.987_654_32), Some(123_456.0), Some(-0.0), Some(1e-7), Some(f64::NAN), None]

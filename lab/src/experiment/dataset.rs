@@ -20,11 +20,11 @@ const SAMPLES: u32 = 16_384;
 #[derive(Debug, Clone)]
 pub(super) struct Tap {
     pub(super) found: Discriminators,
-    /// Peak of the sound, which is none of the seven.
+    /// Peak of the sound, not one of the seven.
     pub(super) peak_v: f64,
-    /// Its power density in steps of frequency, where it is asked for.
+    /// Its power density in steps of frequency, if asked for.
     density_v2_per_hz: Option<Vec<f64>>,
-    /// Of the planted crack, 0 to 3.
+    /// Of the planted crack: 0 to 3.
     pub(super) severity: u8,
     pub(super) angle_deg: f64,
 }
@@ -120,7 +120,7 @@ pub(super) struct Experiment {
 }
 
 impl Experiment {
-    /// Takes them all, by the random numbers of `seed`.
+    /// Takes them all, with the random numbers of `seed`.
     pub(super) fn take(seed: u64) -> Result<Self> {
         let is_in_b_scan = |id: &TapId| id.tyre.as_str() == REPRESENTATIVE && id.repetition == 0;
         let none = |_: &TapId| false;
@@ -152,7 +152,7 @@ impl Experiment {
     }
 }
 
-/// The mean of `which` over two turns, location by location; where one is absent, the other.
+/// The mean of `which` over two turns, location by location; if one is absent, the other.
 pub(super) fn averaged(turns: &[Vec<&Tap>; 2], which: Discriminator) -> Vec<Option<f64>> {
     let [first, second] = turns;
     let mean = |(a, b): (&&Tap, &&Tap)| match (a.value(which), b.value(which)) {

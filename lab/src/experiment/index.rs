@@ -1,4 +1,4 @@
-//! The damage index of all six shoulders by one set of extremes (Eqs. 55 and 56).
+//! The damage index of all six shoulders, with one set of extremes (Eqs. 55 and 56).
 
 use std::collections::BTreeMap;
 
@@ -12,16 +12,16 @@ use super::tyres::REPRESENTATIVE;
 /// Damage indices by tyre and shoulder, location by location.
 pub(super) type Indices = BTreeMap<(String, u16), Vec<Option<f64>>>;
 
-/// How PR is said to move over a crack.
+/// How PR is assumed to move over a crack.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum PowerRatio {
-    /// As Table 13 has it, and as it does.
+    /// As in Table 13, and in fact.
     Rises,
-    /// As section 5.4.4 has it.
+    /// As in section 5.4.4.
     Falls,
 }
 
-/// The indices of the shoulders in `taken`, from `discriminators`, by the extremes of the representative tyre's shoulder 1.
+/// The indices of all shoulders of `dataset`, with the extremes of the representative tyre's shoulder 1.
 ///
 /// It is the index that the program calls `dissertation`, before the limits' scale: the two repetitions are averaged, closing taps left out.
 pub(super) fn indices(dataset: &Dataset, discriminators: &[Discriminator], pr: PowerRatio) -> Result<Indices> {

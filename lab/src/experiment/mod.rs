@@ -1,4 +1,4 @@
-//! `tapline-lab experiment`: chapter 5 of the dissertation done again on three simulated tyres.
+//! `tapline-lab experiment`: chapter 5 of the dissertation repeated on three simulated tyres.
 
 mod claims;
 mod dataset;
@@ -16,7 +16,7 @@ use tapline_wire::Discriminator;
 use self::dataset::Experiment;
 use crate::written::WrittenArgs;
 
-/// The discriminators of the source, which knows no others.
+/// The dissertation's discriminators.
 const SEVEN: [Discriminator; 7] = {
     use Discriminator::{A1, A2, Ef, FMax, Pf, Pr, Tau};
     [FMax, Tau, A1, A2, Pr, Pf, Ef]

@@ -20,9 +20,9 @@ pub(super) const CRACKED_SPOT: &str = "CRACKED-SPOT";
 pub(super) const LOCATIONS: u32 = 100;
 /// The velocity of all scans but those that vary it.
 pub(super) const VELOCITY_M_PER_S: f64 = 1.5;
-/// Of the effect of velocity around the ring (Fig. 62).
+/// For the effect of velocity around the ring (Fig. 62).
 pub(super) const VELOCITIES_M_PER_S: [f64; 3] = [1.2, 1.5, 1.85];
-/// Of the effect of the location of impact (Fig. 60).
+/// For the effect of the location of impact (Fig. 60).
 pub(super) const OFFSETS_MM: [f64; 4] = [0.0, 5.0, 10.0, 15.0];
 /// Lowest velocity V_0 of the effect of velocity at one place (Fig. 61).
 pub(super) const SLOWEST_M_PER_S: f64 = 1.0;

@@ -1,4 +1,4 @@
-//! One figure on one picture: the only style that the figures have.
+//! One figure in one picture, in the single style of all figures.
 
 use anyhow::Result;
 use plotters::prelude::*;
@@ -44,7 +44,7 @@ struct Stroke {
     dashes: Option<&'static str>,
 }
 
-/// The library would write every dash as an element, at ten times the size: dashes are put into the lines afterwards, which
+/// The library would write every dash as an element, at ten times the size: dashes are added to the lines afterwards, which
 /// are known by their widths.
 const fn stroke(rung: Rung) -> Stroke {
     match rung {
@@ -71,7 +71,7 @@ pub(super) fn svg(figure: &Figure) -> Result<String> {
 
 struct Picture<'a> {
     figure: &'a Figure,
-    /// Curves that are seen beside those before them, with their colours.
+    /// Curves that visibly differ from those before them, with their colours.
     curves: Vec<(&'a Curve, RGBColor)>,
     x: Point,
     y: Point,
@@ -174,7 +174,7 @@ fn range(figure: &Figure, value: impl Fn(&super::curves::Point) -> f64) -> Point
     (values.first().copied().unwrap_or(0.0), values.last().copied().unwrap_or(1.0))
 }
 
-/// Draws `curve`, paler where h/l is outside the domain of a rung that is to be better.
+/// Draws `curve`, paler where h/l is outside the domain of a rung that should be better.
 fn trace(chart: &mut Chart<'_, '_>, figure: &Figure, curve: &Curve, color: RGBColor) -> Result<()> {
     let width = units(stroke(curve.rung).width).unsigned_abs();
     let mut rest = curve.points.as_slice();

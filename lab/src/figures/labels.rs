@@ -1,4 +1,4 @@
-//! Where the names of curves stand, so that none covers another.
+//! Places the names of curves so that none covers another.
 
 /// Moves heights apart until they are `gap` from each other and, as far as there is room, within `low` to `high`.
 pub(super) fn spread(wanted: &[f64], gap: f64, (low, high): (f64, f64)) -> Vec<f64> {

@@ -16,7 +16,7 @@ use crate::written::WrittenArgs;
 /// Writes figure `only`, or all of them, into the folder `out`.
 ///
 /// # Errors
-/// A number of no figure, a model outside of its domain, or an error of the file system.
+/// An unknown figure, a model outside of its domain, or an error of the file system.
 pub fn figures(out: &Path, only: Option<u8>, written: WrittenArgs) -> Result<()> {
     let numbers = only.map_or_else(|| Figure::NUMBERS.to_vec(), |number| vec![number]);
     let figures = numbers.into_iter().map(figure).collect::<Result<Vec<_>, _>>()?;
@@ -42,7 +42,7 @@ fn csv(figure: &Figure) -> Result<String> {
     Ok(String::from_utf8(out.into_inner()?)?)
 }
 
-/// `value` to nine digits, without those that the next machine may compute otherwise.
+/// `value` to nine digits, without those that may differ between machines.
 pub(crate) fn significant(value: f64) -> String {
     let text = format!("{value:.8e}");
     text.parse::<f64>().map_or(text, |rounded| rounded.to_string())

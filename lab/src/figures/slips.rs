@@ -1,4 +1,4 @@
-//! What `docs/dissertation.md` says of the dissertation's equations and curves, in numbers.
+//! What `docs/dissertation.md` says about the dissertation's equations and curves, in numbers.
 
 use tapline_model::{Rung, Scene, SimulationConfig, defect_contact, integral_contact};
 

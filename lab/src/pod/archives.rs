@@ -17,9 +17,9 @@ pub(super) struct Scanned {
     /// Path of the archive within the folder.
     pub archive: String,
     pub station: u16,
-    /// When it was first tapped, in ns since the Unix epoch; 0 where no tap came.
+    /// When it was first tapped, in ns since the Unix epoch; 0 without a tap.
     pub tapped_ns: i64,
-    /// Tells recordings apart; `None` where no tap came.
+    /// Distinguishes recordings; `None` without a tap.
     pub recording: Option<[u8; 32]>,
     pub extent: Extent,
     /// Numbers of the locations of the map.
@@ -27,13 +27,13 @@ pub(super) struct Scanned {
     /// How far the strongest arc of each location's region stands out; NaN outside of regions.
     pub region_index: Vec<f64>,
     pub judgement: Judgement,
-    /// What was found; its truth is filled in later.
+    /// The result; its truth is filled in later.
     pub result: ShoulderResult,
     /// What the archive itself knows of cracks.
     pub known: Option<Vec<Crack>>,
 }
 
-/// What a folder has.
+/// Scans of a folder.
 #[derive(Debug, Default)]
 pub(super) struct Scans {
     /// By casing and shoulder, the first scan first.
@@ -41,7 +41,7 @@ pub(super) struct Scans {
     pub archive_count: usize,
     /// Archives that could not be read, each with the reason.
     pub unreadable: Vec<String>,
-    /// Files that have new results of archives (`tapline reprocess`).
+    /// Files with new results of archives (`tapline reprocess`).
     pub results_count: usize,
     /// Scans without a verdict.
     pub unjudged_count: usize,
@@ -65,7 +65,7 @@ impl Scans {
     /// Reads the finished archives of `folder` and its subfolders.
     ///
     /// # Errors
-    /// A folder that cannot be read, or that has no archive that can.
+    /// A folder that cannot be read, or that has no readable archive.
     pub(super) fn read(folder: &Path) -> Result<Self> {
         let files = Folder::list(folder)?.finished;
         ensure!(!files.is_empty(), "{} has no finished archive (NAME.h5)", folder.display());
@@ -91,14 +91,14 @@ impl Scans {
                     let (known, first) = *stated.entry(location).or_insert((is_cracked, &scan.archive));
                     ensure!(
                         known == is_cracked,
-                        "location {location} of tyre {tyre} shoulder {side} is cracked by {first} or by {}, and sound by the \
-                         other: they are of two casings of one name, or of one at two times",
+                        "location {location} of tyre {tyre} shoulder {side} is cracked in {first} or in {}, and sound in the \
+                         other: they are of two casings with one name, or of one at two times",
                         scan.archive
                     );
                 }
             }
             shoulder.sort_by(|a, b| (a.tapped_ns, &a.archive).cmp(&(b.tapped_ns, &b.archive)));
-            // A copy is no second scan.
+            // A copy is not a second scan.
             let before = shoulder.len();
             let mut seen = Vec::new();
             shoulder.retain(|scan| {
@@ -142,7 +142,7 @@ impl Scans {
         self.of_shoulder.iter().filter_map(first).collect()
     }
 
-    /// What the archives themselves know; shoulders of which they do not know every location are not in it.
+    /// The truth in the archives; shoulders whose truth is not known at every location are left out.
     pub(super) fn truth(&self) -> KnownTruth {
         let known = self.of_shoulder.iter().filter_map(|(shoulder, scans)| {
             let cracks = scans.first()?.known.clone()?;
@@ -156,7 +156,7 @@ fn scanned(reader: &Reader, scan: &Scan, (judgement, cells): &Judged) -> Result<
     let geometry = reader.plan().geometry;
     let locations: Vec<u32> = cells.iter().map(|cell| cell.location).collect();
     let (first, last) = locations.first().zip(locations.last()).context("a shoulder has no location")?;
-    // Of a ring that was tapped in part the angles tell how many locations it has.
+    // If only part of a ring was tapped, the angles tell how many locations it has.
     let last = ring_count(cells).filter(|_| geometry == Geometry::Ring).map_or(*last, |count| first + count - 1);
     let extent = Extent { geometry, first: *first, last };
     let truth = |location: &u32| reader.truth().get(&(scan.tyre, scan.shoulder, *location)).copied();
@@ -185,7 +185,7 @@ fn scanned(reader: &Reader, scan: &Scan, (judgement, cells): &Judged) -> Result<
     })
 }
 
-/// How many locations a ring has, by the angles of the first and the last that were tapped; `None` where they are not known, or
+/// How many locations a ring has, from the angles of the first and the last that were tapped; `None` if they are not known, or
 /// no ring has such angles.
 fn ring_count(cells: &[DamageCell]) -> Option<u32> {
     let (first, last) = (cells.first()?, cells.last()?);
@@ -194,13 +194,13 @@ fn ring_count(cells: &[DamageCell]) -> Option<u32> {
     (count.is_finite() && count > f64::from(steps) && count < 1e6).then_some(count.round() as u32)
 }
 
-/// The runs of cracked locations; on a ring the last goes on at the first.
+/// The runs of cracked locations; on a ring the last may continue at the first.
 fn cracks(extent: Extent, locations: &[u32], is_cracked: &[bool]) -> Vec<Crack> {
     let count = is_cracked.len();
     let Some(sound) = is_cracked.iter().position(|is| !is) else {
         return vec![Crack::of_archive(extent.first, extent.count())];
     };
-    // On a ring, from behind a sound location: no run goes over the end then.
+    // On a ring, start after a sound location: then no run crosses the end.
     let start = if extent.geometry == Geometry::Ring { sound } else { 0 };
     let order: Vec<usize> = (0..count).map(|k| (start + k) % count).collect();
     let runs = order.chunk_by(|&a, &b| is_cracked[a] == is_cracked[b]).filter(|run| is_cracked[run[0]]);

@@ -23,16 +23,16 @@ pub(super) fn table(scans: &Scans, inspected: &[InspectedShoulder], has_file: bo
     push("sound shoulders", sound_count, "inspected, and stated to be sound".to_owned());
     push("cracks", cracks().count(), String::new());
     if unsized_count > 0 {
-        push("cracks without a size", unsized_count, "they have no part in the probability of detection".to_owned());
+        push("cracks without a size", unsized_count, "they do not count in the probability of detection".to_owned());
     }
     if !not_inspected.is_empty() {
-        let file = if has_file { "the truth file has no row of them" } else { "their archives know no truth" };
-        let text = format!("not inspected: {file}; left out but for the gauge: {}", shortened(&not_inspected));
+        let file = if has_file { "the truth file has no row for them" } else { "their archives have no truth" };
+        let text = format!("not inspected: {file}; only in the gauge study: {}", shortened(&not_inspected));
         push("shoulders left out", not_inspected.len(), text);
     }
     let repeat_count = scan_count - scans.of_shoulder.len();
     if repeat_count > 0 {
-        push("repeated scans", repeat_count, "of shoulders scanned before; for the gauge alone".to_owned());
+        push("repeated scans", repeat_count, "of shoulders scanned before; only in the gauge study".to_owned());
     }
     for (what, count, remark) in [
         ("copies", scans.copy_count, "scans with the same recording as another; left out"),

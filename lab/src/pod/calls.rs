@@ -1,4 +1,4 @@
-//! How often sound shoulders are called, against the rates that their archives state, and how often cracked ones are.
+//! How often sound shoulders are called, compared with their archives' stated rates, and how often cracked ones are.
 
 use crate::evaluation::{Call, Table, cell, ends, yes_or_no};
 use crate::statistics::{Rate, Refusal, clopper_pearson};
@@ -6,7 +6,7 @@ use tapline_wire::Reasons;
 
 use super::inspected::InspectedShoulder;
 
-/// Reasons that look at how a shoulder sounds; the others say that something is missing.
+/// Reasons from a shoulder's evidence; the others say that something is missing.
 const EVIDENCE: Reasons =
     Reasons::DAMAGE.union(Reasons::SUSPECT).union(Reasons::LEVEL_OFF).union(Reasons::NO_SOUND_MAJORITY);
 
@@ -19,12 +19,12 @@ pub(super) struct CallRate {
     pub stated: Option<f64>,
     pub calls: usize,
     pub judged: usize,
-    /// Called for something that is missing, and for nothing else.
+    /// Called only because something is missing.
     pub incomplete: usize,
     pub rate: Result<Rate, Refusal>,
 }
 
-/// Of sound shoulders by each stated rate, and of cracked ones.
+/// Calls of sound shoulders for each stated rate, and of cracked ones.
 pub(super) fn calls(inspected: &[InspectedShoulder]) -> Vec<CallRate> {
     let mut rates = Vec::new();
     for call in Call::ALL {
@@ -68,8 +68,8 @@ impl CallRate {
 pub(super) fn table(calls: &[CallRate]) -> Table {
     let mut table = Table::new(
         "calls",
-        "False calls: sound shoulders that are not passed, and that are rejected, against the rate stated for it; and the same \
-         of cracked shoulders. Intervals are exact (Clopper and Pearson) for independent shoulders",
+        "False calls: sound shoulders that are not passed, and that are rejected, against the stated rate; and the same \
+         for cracked shoulders. Intervals are exact (Clopper and Pearson) for independent shoulders",
         &["shoulders", "call", "stated", "rate", "rate_low", "rate_high", "calls", "judged", "consistent", "remark"],
     );
     for c in calls {

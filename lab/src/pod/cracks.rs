@@ -1,5 +1,5 @@
 //! Which cracks are found. A find is a crack with at least one location in a region. Its response is the greatest damage index
-//! along it over the limit of its shoulder, so that shoulders with other references can be taken together.
+//! along it over the limit of its shoulder, so that shoulders with different references can be pooled.
 
 use crate::evaluation::{Cell, DETECTION_COLUMNS, Detection, Table, Target, cell, yes_or_no};
 use tapline_wire::Verdict;
@@ -57,7 +57,7 @@ fn highest(scan: &Scanned, crack: &Crack) -> f64 {
     index.max_by(f64::total_cmp).unwrap_or(f64::NAN)
 }
 
-/// The cracks whose size is known, by each limit; none where there is no such crack.
+/// The cracks whose size is known, at each limit; none if there is no such crack.
 pub(super) fn detections(inspected: &[InspectedShoulder]) -> Vec<Detection> {
     let of_limit = |limit: Limit| {
         let targets = inspected.iter().flat_map(|InspectedShoulder { scan, cracks }| {
@@ -85,7 +85,7 @@ pub(super) fn table(detections: &[Detection]) -> Table {
     detections.iter().for_each(|detection| detection.push(&mut table));
     if detections.is_empty() {
         let empty = (2..DETECTION_COLUMNS.len()).map(|_| Cell::Empty);
-        let why = "no crack of an inspected shoulder has a size_mm, and a probability of detection is one of a size";
+        let why = "no crack of an inspected shoulder has a size_mm, which a probability of detection needs";
         table.push(["".into()].into_iter().chain(empty).chain([why.into()]));
     }
     table

@@ -1,5 +1,5 @@
 //! Shoulders that were scanned and inspected by other means: the first scan of each. Looks at the same crack are not
-//! independent, so that later scans serve the gauge study alone.
+//! independent, so later scans are only used in the gauge study.
 
 use super::archives::{Scanned, Scans};
 use super::truth::{Crack, KnownTruth};
@@ -28,7 +28,7 @@ pub(super) fn inspected(scans: &Scans, truth: &KnownTruth) -> Vec<InspectedShoul
 }
 
 impl InspectedShoulder {
-    /// Whether it has no crack, also none where it was not tapped.
+    /// Whether it has no crack, not even where it was not tapped.
     pub(super) fn is_sound(&self) -> bool {
         self.cracks.is_empty()
     }

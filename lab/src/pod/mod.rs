@@ -1,5 +1,5 @@
 //! `tapline-lab pod`: probability of detection, ROC, false calls and gauge studies from the archives of casings that a plant has
-//! scanned, by what other means found in them.
+//! scanned, compared with what other means found.
 //!
 //! A number that the data cannot support is not printed; a remark says which and why.
 
@@ -28,10 +28,10 @@ use self::roc::Roc;
 use self::truth::KnownTruth;
 use crate::evaluation::{Detection, Table, print_tables};
 
-/// What is asked for.
+/// Options of `pod`.
 #[derive(Debug, clap::Args)]
 pub struct PodArgs {
-    /// Folder with finished archives, in subfolders too.
+    /// Folder with finished archives, also in subfolders.
     pub folder: PathBuf,
     /// What other means found: a CSV file with the columns tyre, shoulder, first_location, location_count and, where it is
     /// known, size_mm; a row with location_count 0 states that a shoulder was inspected and is sound. If left out, the
@@ -47,7 +47,7 @@ pub struct PodArgs {
     /// Folder to write tables (CSV), figures (SVG) and `page.md` into; made when it is not there.
     #[arg(long)]
     pub out: Option<PathBuf>,
-    /// Whether files that are there are replaced.
+    /// Whether existing files are replaced.
     #[command(flatten)]
     pub force: ForceArgs,
 }
@@ -62,7 +62,7 @@ struct Findings {
     tables: Vec<Table>,
 }
 
-/// Reads archives and truth, prints tables, and writes them with figures and a page where that is asked for. Whether every archive
+/// Reads archives and truth, prints tables, and writes them with figures and a page if asked for. Returns whether every archive
 /// could be read.
 ///
 /// # Errors

@@ -1,4 +1,4 @@
-//! `page.md`: what is found in words, and the tables with their figures.
+//! `page.md`: the findings in words, and the tables with their figures.
 
 use super::Findings;
 use super::calls::CallRate;
@@ -6,7 +6,7 @@ use super::repeats::{Found, Repeated};
 use super::roc::Roc;
 use crate::evaluation::{Detection, Picture, cell, ends, page_of};
 
-const HEAD: &str = "# What was found of casings that were scanned and inspected
+const HEAD: &str = "# Results for casings that were scanned and inspected
 
 Made by `tapline-lab pod`. How each number is computed, and what it needs, is on tapline's page `docs/pod.md`. Where the data do not support a
 number, the cell is empty and the remark says why.

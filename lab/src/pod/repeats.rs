@@ -10,7 +10,7 @@ use crate::statistics::{Crossed, Gauge, OneWay, Refusal, crossed, one_way};
 use super::archives::{Scanned, Scans};
 use super::roc::SAME_LIMIT;
 
-/// Parts that AIAG wants.
+/// Parts that AIAG asks for.
 const PARTS: usize = 10;
 
 /// What repeated scans find.
@@ -20,7 +20,7 @@ pub(super) enum Found {
     OfStations(Box<Result<Gauge, Refusal>>),
     /// One station, or several that share no shoulder.
     OfOne(Result<OneWay, Refusal>),
-    /// No scan that can be used.
+    /// No usable scan, and why.
     Nothing(String),
 }
 
@@ -106,7 +106,7 @@ impl Repeated {
         let design = Design::new(reading, &at_one);
         let found = match again.is_empty() {
             true => Found::Nothing(
-                "no shoulder was scanned twice at one station: there is no repeat to judge a gauge by".into(),
+                "no shoulder was scanned twice at one station: a gauge cannot be judged without a repeat".into(),
             ),
             false => Found::OfOne(one_way(&design.readings, design.part_count)),
         };
@@ -116,13 +116,13 @@ impl Repeated {
     fn new(reading: Reading, stations: Vec<u16>, design: &Design, found: Found) -> Self {
         let mut remarks = Vec::new();
         if design.part_count > 0 && design.part_count < PARTS {
-            remarks.push(format!("{} parts, of at least {PARTS} that AIAG wants", design.part_count));
+            remarks.push(format!("{} parts; AIAG asks for {PARTS} or more", design.part_count));
         }
         if design.left_out > 0 {
-            remarks.push(format!("{} parts left out that not every scan has a value of", design.left_out));
+            remarks.push(format!("{} parts left out for which not every scan has a value", design.left_out));
         }
         if let Some((low, high)) = &design.limits {
-            remarks.push(format!("limits lie between {low} and {high}: not all scans had one reference"));
+            remarks.push(format!("limits lie between {low} and {high}: not all scans had the same reference"));
         }
         Self {
             quantity: reading.name(),
@@ -146,7 +146,7 @@ struct Design {
 }
 
 impl Design {
-    /// Of `shoulders`, each with its scans at each station; of more scans than the least number the first ones count.
+    /// Of `shoulders`, each with its scans at each station; if one has more than others, only its first ones count.
     fn new(reading: Reading, shoulders: &[Vec<&[&Scanned]>]) -> Self {
         let counts = shoulders.iter().flatten().map(|scans| scans.len());
         let repeat_count = counts.min().unwrap_or(0);
@@ -156,7 +156,7 @@ impl Design {
             let is_same = scans.iter().all(|scan| scan.locations == scans[0].locations);
             let maps: Vec<Vec<f64>> = scans.iter().map(|scan| reading.of(&scan.result)).collect();
             for part in 0..maps.first().map_or(0, Vec::len) {
-                // Other locations are other parts.
+                // Different locations are different parts.
                 let values = maps.iter().map(|map| map.get(part).copied().filter(|x| is_same && x.is_finite()));
                 let values: Vec<Option<f64>> = values.collect();
                 match values.contains(&None) {

@@ -4,7 +4,7 @@ use crate::evaluation::{Areas, FALSE_ALARMS, FoundAt, Table, cell, ends};
 
 use super::inspected::InspectedShoulder;
 
-/// Limits of shoulders that differ by more than this part have other references.
+/// Shoulders whose limits differ by more than this fraction have different references.
 pub(super) const SAME_LIMIT: f64 = 0.01;
 
 /// One curve.
@@ -55,7 +55,7 @@ impl Roc {
         } else {
             if interval.is_none() {
                 remarks.push(format!(
-                    "no interval: tyres with cracked ones are {cracked_tyres}, with sound ones {sound_tyres}; 2 of each are needed"
+                    "no interval: {cracked_tyres} tyres have cracked ones, {sound_tyres} have sound ones; 2 of each are needed"
                 ));
             }
             if found.is_none() {
@@ -73,7 +73,7 @@ pub(super) fn table(rocs: &[Roc]) -> Table {
     let mut table = Table::new(
         "roc",
         "Area under the ROC curve, and the true positive rate (TPR) at 5 % false alarms. Intervals draw whole tyres; of a perfect \
-         area or rate they are exact ones of as many independent tyres",
+         area or rate they are the exact ones of as many independent tyres",
         &["called", "cracked", "sound", "auc", "auc_low", "auc_high", "tpr_at_5", "tpr_low", "tpr_high", "remark"],
     );
     for roc in rocs {

@@ -27,21 +27,21 @@ pub(super) struct Crack {
     pub first_location: u32,
     pub location_count: u32,
     pub size_mm: Option<f64>,
-    /// Line of the file it stands on.
+    /// Its line in the file.
     line: usize,
 }
 
 /// A shoulder that was inspected.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Inspected {
-    /// What was found; of a sound shoulder nothing.
+    /// The cracks found; none if it is sound.
     pub cracks: Vec<Crack>,
     /// First line of the file that names it.
     line: usize,
 }
 
 impl Inspected {
-    /// As an archive knows it.
+    /// With an archive's truth.
     pub(super) fn of_archive(cracks: Vec<Crack>) -> Self {
         Self { cracks, line: 0 }
     }
@@ -70,12 +70,12 @@ impl Extent {
 }
 
 impl Crack {
-    /// A crack of which no file tells the size.
+    /// A crack whose size no file states.
     pub(super) fn of_archive(first_location: u32, location_count: u32) -> Self {
         Self { first_location, location_count, size_mm: None, line: 0 }
     }
 
-    /// Whether `location` lies on its arc, which goes on over the seam of a ring.
+    /// Whether `location` lies on its arc, which continues across the seam of a ring.
     pub(super) fn covers(&self, extent: Extent, location: u32) -> bool {
         let (first, count) = (self.first_location, extent.count());
         let ahead = if location >= first { location - first } else { count - (first - location) };
@@ -87,7 +87,7 @@ impl KnownTruth {
     /// Reads `file`.
     ///
     /// # Errors
-    /// A file that cannot be read, or the first thing in it that is wrong: its line, what it is, and what it may be.
+    /// A file that cannot be read, or the first error in it: its line, the value, and what it may be.
     pub(super) fn read(file: &Path) -> Result<Self> {
         let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
         Self::parse(file, &text)
@@ -111,11 +111,11 @@ impl KnownTruth {
             self.shoulders.insert(shoulder, Inspected { cracks: crack.into_iter().collect(), line });
             return Ok(());
         };
-        // A shoulder without cracks is one that was stated to be sound.
+        // A shoulder without cracks was stated to be sound.
         match (cracks.first(), crack) {
             (None, None) => bail!("{what} is stated to be sound twice; line {first} has it already"),
             (None, Some(_)) => bail!("{what} has a crack, and line {first} states that it is sound"),
-            (Some(one), None) => bail!("{what} is stated to be sound, and line {} has a crack of it", one.line),
+            (Some(one), None) => bail!("{what} is stated to be sound, and line {} names a crack of it", one.line),
             (Some(_), Some(crack)) => {
                 let arc = |c: &Crack| (c.first_location, c.location_count);
                 if let Some(same) = cracks.iter().find(|c| arc(c) == arc(&crack)) {
@@ -131,7 +131,7 @@ impl KnownTruth {
     /// Checks each row against the shoulders that were scanned.
     ///
     /// # Errors
-    /// The first tyre, shoulder or location that was not, or two cracks that share a location.
+    /// The first tyre, shoulder or location that was not scanned, or two cracks that share a location.
     pub(super) fn check(&self, scanned: &BTreeMap<Shoulder, Extent>) -> Result<()> {
         for ((tyre, shoulder), Inspected { cracks, line }) in &self.shoulders {
             let Some(extent) = scanned.get(&(tyre.clone(), *shoulder)) else {
@@ -188,7 +188,7 @@ fn tyres(scanned: &BTreeMap<Shoulder, Extent>) -> usize {
     tyres.len()
 }
 
-/// The shoulder that `row` names, and its crack; of a sound one `None`.
+/// The shoulder that `row` names, and its crack; `None` if it is sound.
 fn read_row(row: &TableRow<'_>) -> Result<(Shoulder, Option<Crack>), Error> {
     let tyre = Serial::new(row.text("tyre")).map_err(|error| row.refuse("tyre", error.bound()))?;
     let side = row.needed("shoulder", 1, u32::from(u16::MAX))?;
@@ -264,7 +264,7 @@ mod tests {
             ),
             ("A,1,,0,\nA,1,,0,\n", "line 3: tyre A shoulder 1 is stated to be sound twice; line 2 has it already"),
             ("A,1,,0,\nA,1,3,2,\n", "line 3: tyre A shoulder 1 has a crack, and line 2 states that it is sound"),
-            ("A,1,3,2,\nA,1,,0,\n", "line 3: tyre A shoulder 1 is stated to be sound, and line 2 has a crack of it"),
+            ("A,1,3,2,\nA,1,,0,\n", "line 3: tyre A shoulder 1 is stated to be sound, and line 2 names a crack of it"),
             ("A,1,3,0,\n", "line 2: first_location is \"3\"; it must be empty where location_count is 0 (sound)"),
             ("A,1,,0,5\n", "line 2: size_mm is \"5\"; it must be empty where location_count is 0 (sound)"),
             ("A,1,,,\n", "0 for a shoulder that was inspected and is sound"),

@@ -14,13 +14,13 @@ use super::set::Set;
 /// How casings are scanned and judged.
 #[derive(Debug, Clone)]
 pub struct Judging {
-    /// The rates, the index and what else the fusion is asked for.
+    /// The rates, the index and other settings of the fusion.
     pub config: FuseConfig,
-    /// What sound casings teach; `None` compares each casing with itself.
+    /// The sound casings' reference; `None` compares each casing with itself.
     pub reference: Option<Arc<ReferenceSet>>,
     /// The taps of a casing.
     pub taps: ScanTaps,
-    /// What a rig needs for them.
+    /// Times of the rig for them.
     pub times: Times,
 }
 
@@ -31,27 +31,27 @@ pub struct Judged {
     pub tyre: String,
     /// Side of the casing, 1 or 2.
     pub shoulder: u16,
-    /// What its casing took, s.
+    /// Time of its casing, s.
     pub scan_s: f64,
     /// Whether a part of it was tapped again.
     pub is_asked: bool,
     /// Code of its [`Verdict`](tapline_wire::Verdict).
     pub verdict: u32,
-    /// What that rests on.
+    /// Reasons for that.
     pub reasons: Reasons,
     /// Evidence of its strongest arc.
     pub strongest_arc: f64,
     /// Damage index of each location; NaN where there is none.
     pub index: Vec<f64>,
-    /// Mean of three neighbours of each discriminator by itself, in the direction of damage; nothing where taps were made
+    /// Mean of three neighbours of each discriminator by itself, in the direction of damage; empty if places were tapped
     /// again.
     pub alone: Vec<Vec<f64>>,
     /// Whether a crack lies at each location.
     pub is_cracked: Vec<bool>,
 }
 
-/// The reference that the first `casings` of `set` make, scanned as by `taps`, but on every location, and with `turns` at each offset and
-/// velocity, where these are given. Where `taps` are made again, so are theirs, each casing by itself.
+/// The reference from the first `casings` of `set`, scanned as by `taps` but at every location, and with `turns` at each offset and
+/// velocity if given. If not, and `taps` are confirmed, so are theirs, each casing compared with itself.
 ///
 /// # Errors
 /// If the set has not all of these taps.
@@ -77,10 +77,10 @@ pub fn reference(
     Ok(Arc::new(build_reference(&built, shoulders.context("a shoulder is not planned")?)?))
 }
 
-/// The shoulders that count of some casings of `set` in `scene`.
+/// The shoulders that count, for some casings of `set` in `scene`.
 ///
 /// # Errors
-/// Those of the fusion, and if the set has not all taps.
+/// An error of the fusion, or a set without all taps.
 pub fn judge(judging: &Judging, set: &Set, casings: Range<usize>, scene: Scene) -> Result<Vec<Judged>> {
     let (mut plan, mut records) = set.part(casings, &judging.taps, scene)?;
     if judging.taps.is_confirmed {
@@ -93,7 +93,7 @@ pub fn judge(judging: &Judging, set: &Set, casings: Range<usize>, scene: Scene) 
 }
 
 impl Judging {
-    /// `plan` and `records` of a part of `set`, with the taps that stand out made again.
+    /// `plan` and `records` of a part of `set`, with what stands out tapped again.
     fn again(&self, set: &Set, plan: Plan, mut records: Vec<Discriminators>) -> Result<(Plan, Vec<Discriminators>)> {
         let mut fusion = self.fusion(&plan, &records)?;
         let mut wanted = Vec::new();
@@ -104,7 +104,7 @@ impl Judging {
         Ok((plan.grown(&wanted)?, records))
     }
 
-    /// The fusion that has had all of `records`.
+    /// The fusion after all of `records`.
     fn fusion(&self, plan: &Plan, records: &[Discriminators]) -> Result<Fusion> {
         let mut fusion = Fusion::by(&self.config, plan, self.reference.clone())?;
         records.iter().try_for_each(|record| fusion.push(record))?;

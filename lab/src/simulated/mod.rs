@@ -3,7 +3,7 @@
 //!
 //! - [`Scene`]: which casings, of what population, with which cracks; [`Simulator`]: `model` or `plate`.
 //! - [`Reading`]: how a record is heard and read; one simulation can be read in many ways.
-//! - [`Set`]: casings and what came of their taps; [`ScanTaps`]: which of these taps a scan makes, and [`Times`] what it takes.
+//! - [`Set`]: casings and their taps' values; [`ScanTaps`]: which of these taps a scan makes, and [`Times`] its duration.
 //! - [`judge`]: the shoulders of such scans, judged by the fusion, with the truth about them.
 
 mod judged;

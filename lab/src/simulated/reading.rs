@@ -14,7 +14,7 @@ pub struct Reading {
     pub bits: Option<u32>,
 }
 
-/// What reads a tap in every way, until each has a record that it can use.
+/// Reads a tap in every way, until each way has a record that it can use.
 pub(crate) struct Reader {
     ways: Vec<(Option<u32>, ProcessExtractor)>,
     found: Vec<Option<Discriminators>>,
@@ -30,7 +30,7 @@ impl Reader {
         Ok(Self { ways, found, counts: Vec::new(), units: Vec::new() })
     }
 
-    /// What each way finds; `None` while one of them wants the tap again. What another attempt gives is of those alone that
+    /// What each way finds; `None` while one of them wants the tap again. Another attempt only counts for those that
     /// want it.
     pub(crate) fn read(&mut self, header: &TapHeader, samples: Samples<'_>) -> Option<Vec<Discriminators>> {
         for ((bits, extractor), found) in self.ways.iter_mut().zip(&mut self.found) {

@@ -1,4 +1,4 @@
-//! Which taps of a casing a scan makes, and what they take on a rig.
+//! Which taps of a casing a scan makes, and how long they take on a rig.
 
 use tapline_plate::ScanShape;
 use tapline_wire::{Plan, PlannedTap, Scan, Serial};
@@ -12,7 +12,7 @@ pub struct Turn {
     pub velocity_m_per_s: f64,
     /// Which repetition it is, from 0.
     pub repetition: u16,
-    /// From location to location: 2 taps every second one.
+    /// Step between locations: 2 taps every second one.
     pub every: u32,
 }
 
@@ -26,7 +26,7 @@ pub struct ScanTaps {
 }
 
 impl ScanTaps {
-    /// Every location at each of these offsets and velocities, so often.
+    /// Every location at each of these offsets and velocities, `repetitions` times.
     pub fn full(offsets_mm: &[f64], velocities_m_per_s: &[f64], repetitions: u16) -> Self {
         let mut turns = Vec::new();
         for &offset_mm in offsets_mm {
@@ -48,12 +48,12 @@ impl ScanTaps {
         Self { turns: steps.iter().map(turn).collect(), is_confirmed: false }
     }
 
-    /// What tapline makes by default: one turn at the belt edge, and what stands out again.
+    /// What tapline makes by default: one turn at the belt edge, then again what stands out.
     pub fn adaptive(velocity_m_per_s: f64) -> Self {
         Self::coarse(&[(0.0, 1)], velocity_m_per_s).confirmed()
     }
 
-    /// The same turns, and what stands out again.
+    /// The same turns, then again what stands out.
     pub fn confirmed(self) -> Self {
         Self { is_confirmed: true, ..self }
     }
@@ -88,12 +88,12 @@ impl ScanTaps {
     }
 }
 
-/// What a rig needs.
+/// Times of a rig.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Times {
     /// From tap to tap.
     pub tap_s: f64,
-    /// To another offset, besides.
+    /// In addition, to another offset.
     pub offset_s: f64,
 }
 
@@ -104,7 +104,7 @@ impl Default for Times {
 }
 
 impl Times {
-    /// For the scan of `tyre`, both of whose shoulders are tapped at once.
+    /// Time of the scan of `tyre`, whose two shoulders are tapped at once.
     pub fn of(self, plan: &Plan, tyre: Serial) -> f64 {
         let of_scan = |scan: &Scan| {
             let taps: Vec<&PlannedTap> = scan.taps.iter().map(|&row| &plan.taps()[row as usize]).collect();

@@ -37,17 +37,17 @@ pub enum Scene {
     SoundNoise,
     /// The same by a reference without that noise.
     SoundNoisier,
-    /// Sound casings with rogue taps, drifts and places that differ, by a reference of smooth ones.
+    /// Sound casings with rogue taps, drifts and places that differ, compared with smooth ones.
     SoundRougher,
     /// One or two faint cracks on smooth casings.
     FaintSmooth,
     /// The same on rough ones.
     FaintRough,
-    /// The same beside eight times the noise.
+    /// The same with eight times the noise.
     FaintNoise,
     /// The same by a reference without that noise.
     FaintNoisier,
-    /// Faint cracks on rough casings, by a reference of smooth ones.
+    /// Faint cracks on rough casings, compared with smooth ones.
     FaintRougher,
     /// One or two strong cracks on smooth casings.
     StrongSmooth,
@@ -59,7 +59,7 @@ pub enum Scene {
     AllRound,
 }
 
-/// A crack, by what both simulators know of it.
+/// A crack, as both simulators describe it.
 #[derive(Debug, Clone, Serialize)]
 pub struct Crack {
     /// Its first location.
@@ -72,7 +72,7 @@ pub struct Crack {
     pub depth_mm: f64,
     /// Length across the shoulder, which is the length that bends.
     pub length_mm: f64,
-    /// Part of the loosened layer's compliance that is felt; of the plate alone.
+    /// Part of the loosened layer's compliance that has an effect; `plate` only.
     pub severity: f64,
 }
 
@@ -97,7 +97,7 @@ impl Tyre {
             && self.cracks.iter().any(|c| (location + c.location_count - c.first) % c.location_count < c.count)
     }
 
-    /// The casing as `plate` has it.
+    /// The casing for `plate`.
     pub fn of_plate(&self) -> tapline_plate::Tyre {
         let crack = |c: &Crack| {
             tapline_plate::Crack {
@@ -114,7 +114,7 @@ impl Tyre {
         tapline_plate::Tyre { serial, cracks: self.cracks.iter().map(crack).collect() }
     }
 
-    /// The casing as `model` has it.
+    /// The casing for `model`.
     pub fn of_model(&self) -> tapline_acquire::TyreConfig {
         let crack = |c: &Crack| tapline_model::Crack {
             shoulder: 1,
@@ -156,7 +156,7 @@ impl Scene {
         matches!(self, Self::Gain08 | Self::Gain12 | Self::GainDrift)
     }
 
-    /// The set that its casings are taken of: scenes that differ after the simulation alone share one.
+    /// The set of its casings: scenes that differ only after the simulation share one.
     pub fn set_name(self) -> &'static str {
         match self {
             Self::SoundSmooth | Self::Gain08 | Self::Gain12 | Self::GainDrift => "sound-smooth",
@@ -191,7 +191,7 @@ impl Scene {
         }
     }
 
-    /// Casings and rig, as `plate` has them.
+    /// Casings and rig of `plate`.
     pub fn population(self) -> Population {
         match self.sound_scene() {
             Self::SoundRough => Population::rough(),
@@ -200,7 +200,7 @@ impl Scene {
         }
     }
 
-    /// The nearest that `model` has to that population.
+    /// The settings of `model` closest to that population.
     pub fn simulation(self) -> SimulationConfig {
         let plain = SimulationConfig::default();
         let fault = |kind| PlantedFault { kind, fraction: 0.005 };
@@ -248,7 +248,7 @@ impl Scene {
         (0..count).map(tyre).collect()
     }
 
-    /// What becomes of `value` at `location` of the turn that the scene changes.
+    /// `value` after the scene's change, at the fraction `turn` of the changed turn.
     pub fn changed(self, which: Discriminator, value: f64, turn: f64) -> f64 {
         let gain = match self {
             Self::Gain08 => 0.8,
@@ -256,7 +256,7 @@ impl Scene {
             Self::GainDrift => 1.0 + 0.05 * (turn - 0.5),
             _ => 1.0,
         };
-        // What a microphone's gain does to each, its noise aside.
+        // Effect of a microphone's gain on each, without noise.
         match which {
             Discriminator::A1 | Discriminator::A2 => gain * value,
             Discriminator::Pf | Discriminator::Ef => gain * gain * value,
@@ -292,7 +292,7 @@ fn apart(
         .collect()
 }
 
-/// A crack of middling depth over `count` locations.
+/// A crack of medium depth over `count` locations.
 fn arc(rng: &mut ChaCha8Rng, location_count: u32, count: u32) -> Crack {
     Crack {
         first: rng.random_range(0..location_count),

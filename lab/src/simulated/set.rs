@@ -1,4 +1,4 @@
-//! Sets of simulated casings: the values of every tap, of which a scan makes some.
+//! Sets of simulated casings: the values of every tap; a scan uses some of them.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -18,10 +18,10 @@ use crate::in_memory::scanned;
 /// Numbers of a tap: its discriminators and the velocity as measured.
 pub const COLUMNS: usize = Discriminator::COUNT + 1;
 
-/// How often a tap of no use is taken again, as by default.
+/// How often an unusable tap is taken again, as by default.
 const RETAKES: u16 = 2;
 
-/// Casings and what came of their taps.
+/// Casings and the values of their taps.
 #[derive(Debug, Clone)]
 pub struct Set {
     /// The casings.
@@ -32,7 +32,7 @@ pub struct Set {
     values: Vec<f64>,
 }
 
-/// What each of `readings` makes of every tap that `shape` gives `tyres` in `scene`, as sets in the order of the readings.
+/// What each of `readings` finds in every tap of `tyres` in `scene`, planned by `shape`: one set per reading, in order.
 ///
 /// # Errors
 /// A setting out of its bounds.
@@ -81,7 +81,7 @@ impl Scene {
     }
 }
 
-/// What comes of the taps of `tyres` by the model.
+/// The values of the taps of `tyres` in `model`.
 fn modelled(
     simulation: &SimulationConfig,
     shape: &ScanShape,
@@ -152,11 +152,11 @@ impl Set {
     /// If there are not as many values as the shape and the casings have.
     pub fn new(tyres: Vec<Tyre>, shape: ScanShape, values: Vec<f64>) -> Result<Self> {
         let wanted = tyres.len() * shape.tap_count() * COLUMNS;
-        ensure!(values.len() == wanted, "a set of {} values, not of {wanted}", values.len());
+        ensure!(values.len() == wanted, "the set has {} values instead of {wanted}", values.len());
         Ok(Self { tyres, shape, values })
     }
 
-    /// The same with every value as `change` makes it, which is told the number of the tap in the set.
+    /// The same with every value changed by `change`, which gets the number of the tap in the set.
     pub fn changed(&self, change: impl Fn(usize, Discriminator, f64) -> f64) -> Self {
         let mut changed = self.clone();
         for (tap, values) in changed.values.chunks_mut(COLUMNS).enumerate() {
@@ -167,18 +167,18 @@ impl Set {
         changed
     }
 
-    /// The number in the set of the first casing's tap that a scan by `taps` makes first; its neighbours follow.
+    /// The number in the set of the first casing's tap that a scan of `taps` makes first; its neighbours follow.
     ///
     /// # Errors
     /// If the set has no such tap.
     pub fn first_tap_of(&self, taps: &ScanTaps) -> Result<usize> {
-        let tyre = self.tyres.first().context("a set without casings")?;
+        let tyre = self.tyres.first().context("the set has no casings")?;
         let plan = self.shape.plan(&[tyre.of_plate()])?;
-        let first = plan.taps().iter().find(|tap| taps.has(tap)).context("a set without such a tap")?;
+        let first = plan.taps().iter().find(|tap| taps.has(tap)).context("the set has no such tap")?;
         place(&self.shape, 0, &first.id)
     }
 
-    /// What comes first of `taps` of some casings of the set: the plan and what came of it, after `scene` has changed it.
+    /// The planned `taps` of some casings of the set: their plan and values, after the change by `scene`.
     ///
     /// # Errors
     /// If the set has not all of these taps.
@@ -205,7 +205,7 @@ impl Set {
         Ok((plan, found))
     }
 
-    /// What came of `taps`, which are asked for besides those of `plan`, a part of the set.
+    /// The values of `taps`, requested in addition to those of `plan`, a part of the set.
     ///
     /// # Errors
     /// If the set has not all of these taps.
@@ -219,7 +219,7 @@ impl Set {
         (row..).zip(taps).map(of).collect()
     }
 
-    /// Whether `tap` is of the turn that a scene changes: of shoulder 1, and another one from casing to casing.
+    /// Whether `tap` belongs to the turn that a scene changes: of shoulder 1, a different one in each casing.
     fn is_turn_changed(&self, casing: usize, taps: &ScanTaps, tap: &PlannedTap) -> Result<bool> {
         let repetitions = taps.turns.iter().map(|turn| usize::from(turn.repetition) + 1).max().unwrap_or(1);
         let turn_count = self.shape.offsets_mm.len() * self.shape.velocities_m_per_s.len() * repetitions;
@@ -232,7 +232,7 @@ impl Set {
 
     fn record(&self, casing: usize, plan_index: u32, tap: &PlannedTap) -> Result<Discriminators> {
         let at = place(&self.shape, casing, &tap.id)? * COLUMNS;
-        let of_tap = self.values.get(at..at + COLUMNS).context("a tap that the set has not")?;
+        let of_tap = self.values.get(at..at + COLUMNS).context("a tap that is not in the set")?;
         let mut values = Values::default();
         for (&value, which) in of_tap.iter().zip(Discriminator::ALL) {
             values.set(which, Some(value));
@@ -242,7 +242,7 @@ impl Set {
     }
 }
 
-/// Which tap of a set the tap `id` of casing number `casing` is.
+/// The number in a set of the tap `id` of casing number `casing`.
 fn place(shape: &ScanShape, casing: usize, id: &TapId) -> Result<usize> {
     let offset = nearest(&shape.offsets_mm, id.offset_mm())?;
     let velocity = nearest(&shape.velocities_m_per_s, id.velocity_m_per_s())?;

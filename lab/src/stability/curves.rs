@@ -17,7 +17,7 @@ pub(crate) struct Curve {
     pub title: &'static str,
     pub x_label: &'static str,
     pub is_x_log: bool,
-    /// What is to be seen, in a sentence.
+    /// What it shows, in a few sentences.
     pub sentence: &'static str,
     pub columns: Vec<&'static str>,
     pub rows: Vec<Row>,
@@ -33,7 +33,7 @@ pub(crate) struct Row {
     pub flags: String,
 }
 
-/// Records a point of the noise curve is the mean square of.
+/// Records that a point of the noise curve averages.
 const NOISE_RECORDS: u64 = 8;
 
 /// All of them, in the order of the index.
@@ -41,7 +41,7 @@ pub(crate) fn curves() -> Vec<Curve> {
     vec![noise(), clipping(), offset(), hum(), trigger_shift(), velocity_drift(), restitution(), depth(), length()]
 }
 
-/// `count` numbers from `low` to `high`, in equal ratios.
+/// `count` numbers from `low` to `high`, with equal ratios.
 fn decades(low: f64, high: f64, count: u32) -> Vec<f64> {
     (0..count).map(|k| low * (high / low).powf(f64::from(k) / f64::from(count - 1))).collect()
 }
@@ -55,7 +55,7 @@ fn names() -> Vec<&'static str> {
     Discriminator::ALL.iter().map(|which| which.name()).collect()
 }
 
-/// The default configuration, but that no flag takes a value away: what it would be is the question here.
+/// The default configuration, except that no flag removes a value: the question is how wrong it is.
 fn keeping() -> ProcessConfig {
     ProcessConfig { quality: QualityConfig::keeping(), ..ProcessConfig::default() }
 }
@@ -79,7 +79,7 @@ fn disturbed(xs: Vec<f64>, tap_at: impl Fn(f64) -> Tap) -> Vec<Row> {
     xs.into_iter().map(row).collect()
 }
 
-/// A row of the contact models, of which no flag is drawn.
+/// A row of the contact models, whose flags are not drawn.
 fn modelled(x: f64, errors: Vec<f64>) -> Row {
     Row { x, errors, flags: String::new() }
 }
@@ -112,7 +112,7 @@ fn noise() -> Curve {
         title: "White noise on both channels",
         x_label: "Standard deviation of the noise / peak (1 / SNR)",
         is_x_log: true,
-        sentence: "Root mean square error over 8 records. At a noise of 1 % A_2, which integrates the magnitude of the noise to the end of the record, is 60 % off, P_f 4 %, all others less than 1.5 %. From 3 % on the powers rise with the square of the noise; at 30 % no pulse is found.",
+        sentence: "Root mean square error over 8 records. At 1 % noise, A_2 is 60 % off, because it integrates the magnitude of the noise to the end of the record; P_f is 4 % off, all others less than 1.5 %. From 3 % on, the powers rise with the square of the noise; at 30 % no pulse is found.",
         columns: names(),
         rows: decades(1e-4, 0.3, 15).into_iter().map(at).collect(),
     }
@@ -121,10 +121,10 @@ fn noise() -> Curve {
 pub(crate) fn clipping() -> Curve {
     Curve {
         name: "clipping",
-        title: "Both channels cut off below their peak",
-        x_label: "Level at which it is cut off / peak",
+        title: "Both channels clipped below their peak",
+        x_label: "Clipping level / peak",
         is_x_log: false,
-        sentence: "F_max loses the part that is cut off, and A_1 and the powers fall with it; tau and PR stay within 5 %. No value shows the clipping, but the flag does, here without noise at any level.",
+        sentence: "F_max loses the clipped part, and A_1 and the powers fall too; tau and PR stay within 5 %. No value shows the clipping, but the flag does: here, without noise, at any level.",
         columns: names(),
         rows: disturbed(steps(0.4, 1.0, 25), |x| on_both(x, clip)),
     }
@@ -148,7 +148,7 @@ fn hum() -> Curve {
         title: "Hum of 50 Hz on both channels",
         x_label: "Hum amplitude / peak",
         is_x_log: true,
-        sentence: "The bands begin at 70 Hz, and an integer number of periods of 50 Hz, as in the 0.4 s of these taps, does not leak into them. Force and areas change, A_2 first.",
+        sentence: "The bands begin at 70 Hz. The 0.4 s of these taps hold a whole number of periods of 50 Hz, so the hum does not leak into the bands. Force and areas change, A_2 first.",
         columns: names(),
         rows: disturbed(decades(1e-4, 0.3, 15), |x| on_both(x, |samples, x| add_hum(samples, x, 50.0, 1.0))),
     }
@@ -160,13 +160,13 @@ fn trigger_shift() -> Curve {
         title: "Tap later or earlier in its record",
         x_label: "Contact after the trigger sample, ms",
         is_x_log: false,
-        sentence: "No discriminator changes by more than 1e-3 while the ringing, which is down to 1e-5 of its peak after 100 ms, ends within the record. Near the end of the record the powers and A_2 are wrong, and no flag is raised. At -12 ms, where the contact lies in the baseline, the areas are wrong.",
+        sentence: "No discriminator changes by more than 1e-3 as long as the ringing, which falls to 1e-5 of its peak in 100 ms, ends within the record. Near the end of the record the powers and A_2 are wrong, and no flag is raised. At -12 ms, where the contact lies in the baseline, the areas are wrong.",
         columns: names(),
         rows: disturbed(steps(-12.0, 390.0, 68), |x| Tap::clean(1e-3, 1e-3 * x)),
     }
 }
 
-/// Forces, contact times and deflections of two rungs at `scene`.
+/// Force, contact time and deflection of `rung` in `scene`.
 fn contact(rung: Rung, scene: &Scene) -> [f64; 3] {
     rung.contact(scene, DampingLaw::Exact).map_or([f64::NAN; 3], |c| [c.f_max_n, c.contact_time_s, c.d_max_m])
 }
@@ -183,10 +183,10 @@ pub(crate) fn velocity_drift() -> Curve {
     };
     Curve {
         name: "velocity_drift",
-        title: "Impact velocity off its plan",
+        title: "Impact velocity other than planned",
         x_label: "Velocity error, %",
         is_x_log: false,
-        sentence: "An error of 5 % in velocity changes force by 6 % and deflection by 4 % on either rung, more than a crack 19 mm deep; tau changes by 1 %.",
+        sentence: "An error of 5 % in velocity changes force by 6 % and deflection by 4 % on both rungs, more than a crack 19 mm deep does; tau changes by 1 %.",
         columns: vec!["f_max_closed", "tau_closed", "d_max_closed", "f_max_full", "contact_time_full", "d_max_full"],
         rows: steps(-0.2, 0.2, 41).into_iter().map(at).collect(),
     }
@@ -201,7 +201,7 @@ pub(crate) fn restitution() -> Curve {
     };
     Curve {
         name: "restitution",
-        title: "How well a damping law returns the restitution asked of it",
+        title: "How well a damping law returns the restitution asked for",
         x_label: "Restitution asked for",
         is_x_log: false,
         sentence: "The exact law returns the restitution that is asked for, down to 0.1, where all laws end. Eq. 12 returns 0.66 for 0.1.",
@@ -219,10 +219,10 @@ fn rungs(scene: &Scene) -> Vec<f64> {
 fn depth() -> Curve {
     Curve {
         name: "depth",
-        title: "Peak force over a crack ever nearer to the surface",
+        title: "Peak force over a crack, by its depth",
         x_label: "Depth h of the crack, mm (length l = 25.4 mm)",
         is_x_log: true,
-        sentence: "Compared with the full rung, the closed form lacks half of the force below 2 mm and all of it at 0.1 mm. The integral model, which has no crack, gives up to seven times too much. The plate is within 12 % down to 0.8 mm, where the membrane begins to carry.",
+        sentence: "Compared with the full rung, the closed form lacks half of the force below 2 mm and all of it at 0.1 mm. The integral model, which has no crack, gives up to seven times too much. The plate is within 12 % down to 0.8 mm, where the membrane begins to carry load.",
         columns: vec!["closed", "integral", "plate"],
         rows: decades(0.1, 25.4, 25)
             .into_iter()
@@ -235,10 +235,10 @@ fn length() -> Curve {
     let at = |l: f64| modelled(l, rungs(&Scene { l_m: 1e-3 * l, h_m: 2.54e-3, ..Scene::default() }));
     Curve {
         name: "length",
-        title: "Peak force over an ever shorter crack",
+        title: "Peak force over a crack, by its length",
         x_label: "Length l of the crack, mm (depth h = 2.54 mm)",
         is_x_log: true,
-        sentence: "As l goes to 0 all three approach the full rung, but slowly, since shear softens a layer that is shorter than it is thick (the flag of h/l is raised there). The closed form is within a tenth only where the curves cross.",
+        sentence: "As l goes to 0, all three approach the full rung, but slowly, because shear softens a layer that is shorter than it is thick (the flag of h/l is raised there). The closed form is within a tenth only where the curves cross.",
         columns: vec!["closed", "integral", "plate"],
         rows: decades(0.1, 50.8, 25).into_iter().map(at).collect(),
     }

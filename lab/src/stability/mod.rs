@@ -1,6 +1,6 @@
 //! Draws the breakdown curves: how wrong each discriminator and each contact model gets as a disturbance grows.
 //!
-//! `tapline-lab stability` writes `docs/stability`: a picture and a table each, and an index.
+//! `tapline-lab stability` writes `docs/stability`: a picture and a table per curve, and an index.
 
 mod curves;
 mod draw;
@@ -17,12 +17,12 @@ use crate::written::WrittenArgs;
 /// Draws every curve, and writes pictures, tables and their index into the folder `out`.
 ///
 /// # Errors
-/// An error of the file system, or the library of a picture.
+/// An error of the file system or of the drawing library.
 pub fn write(out: &Path, written: WrittenArgs) -> Result<()> {
     written.check(&out.join("README.md"))?;
     let mut files = Vec::new();
     let mut index = String::from(
-        "# Breakdown curves\n\nHow wrong a number gets as a disturbance grows: relative errors against the undisturbed tap, or against the full rung of the contact models. `tapline-lab stability` writes this page. Axes span the data; an error too small for its axis is drawn on the lowest line (\"below\" beside the name: all of them are), and a line ends where the value is absent. The configuration is the default, except that every policy is `keep`: by default a flag would make doubtful values absent. The ground is grey where a flag is raised; the names beside it, and the tables, say which.\n",
+        "# Breakdown curves\n\nHow wrong a number gets as a disturbance grows: relative errors against the undisturbed tap, or against the full rung of the contact models. `tapline-lab stability` writes this page. Axes span the data; an error too small for its axis is drawn on the lowest line (\"below\" next to a name: all its errors are), and a line ends where the value is absent. The configuration is the default, except that every policy is `keep`: by default a flag would make doubtful values absent. The background is grey where a flag is raised; the legend and the tables name the flags.\n",
     );
     for curve in curves::curves() {
         files.push((out.join(format!("{}.csv", curve.name)), curve.csv()));

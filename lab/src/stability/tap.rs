@@ -1,15 +1,15 @@
-//! A tap made up of a half-sine and three decaying modes, and what may be wrong with its record.
+//! An artificial tap of a half-sine and three decaying modes, and disturbances of its record.
 
 use std::f64::consts::{PI, TAU};
 
 use tapline_process::{Extractor, ProcessConfig};
 use tapline_wire::{Channel, ChannelHeader, Discriminators, SampleFormat, Samples, TapHeader, TapId};
 
-/// Samples a second.
+/// Samples per second.
 pub(crate) const RATE_HZ: f64 = 40_960.0;
 /// Samples of the record.
 pub(crate) const COUNT: usize = 16_384;
-/// Sample at which the record has the trigger.
+/// Sample of the record at the trigger.
 pub(crate) const PRE_TRIGGER: usize = 512;
 /// Distance of the microphone, m.
 const DISTANCE_M: f64 = 0.0343;
@@ -24,7 +24,7 @@ pub(crate) struct Tap {
     pub force_n: Vec<f64>,
     pub sound_v: Vec<f64>,
     pub rate_hz: f64,
-    /// Samples before the trigger, by the header.
+    /// Samples before the trigger, as in the header.
     pub pre_trigger_samples: u32,
     /// Velocity planned and measured, m/s, where both are known.
     pub velocity_m_per_s: Option<(f64, f64)>,

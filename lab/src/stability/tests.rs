@@ -4,13 +4,13 @@ use std::path::Path;
 
 use super::curves::{Curve, clipping, offset, restitution, velocity_drift};
 
-/// Relative difference of two errors that is none: the tables have five digits.
+/// Relative difference up to which errors are the same: the tables have five digits.
 const SAME: f64 = 2e-3;
 /// Errors below this are rounding, and differ from machine to machine.
 const ROUNDING: f64 = 1e-6;
 
 /// Catches a kernel that has changed under the committed curves, and tables that were edited by hand. The cheap four of
-/// nine are computed anew; an error may differ in its last digits only, or below 1e-6.
+/// nine are computed again; an error may differ in its last digits only, or below 1e-6.
 #[test]
 fn tables_are_those_of_the_code() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/stability");

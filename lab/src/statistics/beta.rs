@@ -1,4 +1,4 @@
-//! Chances of counts and of variance ratios: the regularised incomplete beta function, backwards too.
+//! Probabilities of counts and variance ratios: the regularised incomplete beta function and its inverse.
 
 use statrs::function::beta::checked_beta_reg;
 
@@ -14,7 +14,7 @@ pub(super) fn incomplete_beta(a: f64, b: f64, x: f64) -> f64 {
     checked_beta_reg(a, b, x).unwrap_or(1.0)
 }
 
-/// The x at which I_x(a, b) reaches `probability`, by halving: no start to guess, and no way to miss.
+/// The x at which I_x(a, b) reaches `probability`, by bisection, which needs no start and cannot fail.
 pub(super) fn beta_quantile(a: f64, b: f64, probability: f64) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..HALVINGS {

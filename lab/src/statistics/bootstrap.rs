@@ -11,7 +11,7 @@ const RESAMPLES_MIN: usize = 100;
 /// How an interval is drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bootstrap {
-    /// Places that are drawn together: over as many, neighbours are alike. 1 is the naive bootstrap, whose intervals are too
+    /// Places that are drawn together: as many as are alike. 1 is the naive bootstrap, whose intervals are too
     /// narrow if neighbours are alike.
     pub block_length: usize,
     /// How many rings are drawn.

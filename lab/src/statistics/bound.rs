@@ -7,7 +7,7 @@ pub(super) const Z_95: f64 = 1.644_853_626_951_472_2;
 /// degree.
 const DEVIANCE_95: f64 = Z_95 * Z_95;
 
-/// Doublings of the first guess, and halvings after, by which a bound is looked for.
+/// Doublings of the first guess, and halvings after, by which a bound is searched for.
 const DOUBLINGS: usize = 40;
 const HALVINGS: usize = 52;
 

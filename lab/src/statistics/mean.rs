@@ -1,13 +1,13 @@
-//! A mean of few values, such as one a seed, and how far it may lie from the true one.
+//! A mean of few values, such as one per seed, with its interval.
 
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 
 use super::Rate;
 
-/// The mean of `values` with its two-sided interval by Student's t; an unbounded one for a single value, `None` for none, and
-/// where one is no number.
+/// The mean of `values` with its two-sided interval by Student's t; unbounded for a single value, `None` for no value, and
+/// if one is NaN.
 ///
-/// The values are to be independent and about normal: one a seed, each itself a mean or an area of many things.
+/// The values are to be independent and about normal: one per seed, each itself a mean or an area of many things.
 pub fn mean_interval(values: &[f64], level: f64) -> Option<Rate> {
     if values.is_empty() || values.iter().any(|x| !x.is_finite()) || !(level > 0.0 && level < 1.0) {
         return None;

@@ -12,7 +12,7 @@ const HALVINGS: usize = 60;
 /// parameters are then within 1e-10 of their standard deviations, and the last step is still taken.
 const GAIN: f64 = 1e-20;
 
-/// Gain below which a step that gains no less than the one before is of rounding alone.
+/// Gain below which a step that gains no less than the one before is only rounding.
 const GAIN_OF_ROUNDING: f64 = 1e-10;
 
 /// A function at a point: its value, gradient, and the negative of its second derivatives.

@@ -1,4 +1,4 @@
-//! A rate from a count, and how far it may lie from it: of false calls, or of finds at one size.
+//! A rate from a count, with its interval: of false calls, or of finds at one size.
 
 use super::Refusal;
 use super::beta::beta_quantile;

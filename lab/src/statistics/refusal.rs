@@ -8,7 +8,7 @@
 #[non_exhaustive]
 pub enum Refusal {
     /// Two slices that belong together differ in length: name and length of the one, and of the other.
-    #[error("{0} has {1} entries and {2} has {3}; they must be as many")]
+    #[error("{0} has {1} entries and {2} has {3}; the numbers must be equal")]
     Lengths(&'static str, usize, &'static str, usize),
     /// A size has no logarithm: which target, from 0, and its size.
     #[error("the size of target {0} is {1}; it must be above 0 and finite")]

@@ -1,4 +1,4 @@
-//! Each index by each reference on every set, beside every discriminator alone.
+//! Each index with each reference on every set, and every discriminator alone.
 
 use std::sync::Arc;
 
@@ -34,7 +34,7 @@ pub(super) struct Candidate {
     pub areas: Areas,
 }
 
-/// What a discriminator says alone, by the healthy reference, averaged over three neighbours.
+/// Results of one discriminator with the healthy reference, averaged over three neighbours.
 #[derive(Debug, Clone)]
 pub(super) struct SingleDiscriminator {
     pub set: &'static str,
@@ -49,7 +49,7 @@ impl Split {
         read.into_iter().next().context("one reading gives one split")
     }
 
-    /// The same, by each of `readings`.
+    /// The same for each of `readings`.
     pub(super) fn scan_read(set: &Set, number: u64, size: &Size, seed: u64, readings: &[Reading]) -> Result<Vec<Self>> {
         let (half, quarter) = (size.tyres / 2, size.tyres / 4);
         let names = |part: &str, count: usize| -> Vec<String> {
@@ -97,13 +97,13 @@ pub(super) fn candidates(split: &Split) -> Result<(Vec<Candidate>, Vec<SingleDis
     Ok((candidates, alone(&judged, Some(&healthy))?.into_iter().map(of_discriminator).collect()))
 }
 
-/// The discriminator that alone does best on `set`.
+/// The best single discriminator on `set`.
 pub(super) fn best_alone<'a>(alone: &'a [SingleDiscriminator], set: &str) -> Option<&'a SingleDiscriminator> {
     let area = |a: &SingleDiscriminator| a.areas.auc().unwrap_or(0.0);
     alone.iter().filter(|a| a.set == set).max_by(|a, b| area(a).total_cmp(&area(b)))
 }
 
-/// The candidate that is `index` by `reference` on `set`.
+/// The candidate for `index` with `reference` on `set`.
 pub(super) fn find<'a>(
     candidates: &'a [Candidate],
     set: &str,

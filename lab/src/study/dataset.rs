@@ -40,7 +40,7 @@ impl Dataset {
         read.into_iter().next().context("one reading gives one dataset")
     }
 
-    /// The same, by each of `readings`.
+    /// The same for each of `readings`.
     pub(super) fn scan_read(
         simulation: &SimulationConfig,
         tyres: Vec<TyreConfig>,
@@ -66,7 +66,7 @@ impl Dataset {
         Ok((0..readings.len()).map(dataset).collect())
     }
 
-    /// Its taps that `is_wanted`, as a plan of their own.
+    /// Its taps that `is_wanted` selects, as a plan.
     pub(super) fn only(&self, is_wanted: impl Fn(&PlannedTap) -> bool) -> Result<Self> {
         let rows = self.plan.taps().iter().zip(&self.records).filter(|(tap, _)| is_wanted(tap));
         let (taps, records): (Vec<PlannedTap>, Vec<Discriminators>) = rows.map(|(t, r)| (*t, *r)).unzip();
@@ -76,12 +76,12 @@ impl Dataset {
         Ok(Self { plan, records })
     }
 
-    /// Its taps of the tyres that `is_wanted`.
+    /// Its taps of tyres that `is_wanted` selects.
     pub(super) fn of_tyres(&self, is_wanted: impl Fn(&str) -> bool) -> Result<Self> {
         self.only(|tap| is_wanted(tap.id.tyre.as_str()))
     }
 
-    /// The reference that the tyres make that `is_wanted`, stated to be sound.
+    /// The reference from tyres that `is_wanted` selects, stated to be sound.
     pub(super) fn reference(&self, is_wanted: impl Fn(&str) -> bool) -> Result<Arc<ReferenceSet>> {
         let of = |number| KnownShoulder::of(&self.plan, &self.records, number, None);
         let scans = self.plan.scans().iter().enumerate().filter(|(_, scan)| is_wanted(scan.tyre.as_str()));

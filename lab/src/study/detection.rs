@@ -1,7 +1,7 @@
 //! Which planted cracks are found, against their length across the shoulder.
 //!
-//! Size is the crack's length in mm: of its two lengths the one that bends. Depth goes with it as its own class, since a
-//! crack of the same length is felt less the deeper it lies. A crack is found if a location of its arc lies in a region;
+//! Size is the crack's length across the shoulder in mm, which bends. Each depth is a class of its own, since a
+//! crack of the same length has less effect if deeper. A crack is found if a location of its arc lies in a region;
 //! its response is its greatest index, which is
 //! that of three neighbours: a longer arc finds cracks whose response is below the limit.
 
@@ -14,13 +14,13 @@ use super::judge::judge;
 use super::sets::{Cracks, Set, cracked, sound};
 use super::size::Size;
 
-/// Depths in mm at which classes part.
+/// Depths in mm between classes.
 const DEPTHS_MM: [f64; 4] = [6.0, 12.0, 18.0, 24.0];
 /// The cracks that are looked for.
 const CRACKS: Cracks =
     Cracks { depth_mm: (6.0, 24.0), length_mm: (4.0, 30.0), offset_mm: (0.0, 0.0), location_count: (1, 6) };
 
-/// Looks for the cracks of many tyres of `set`, by the default index and sound tyres of another serial.
+/// Looks for the cracks of many tyres of `set`, with the default index and other sound tyres as reference.
 pub(super) fn detection(set: &Set, size: &Size, seed: u64) -> Result<Vec<Detection>> {
     let references = (0..size.target_reference).map(|k| sound(format!("reference-{k:03}")));
     let targets = (0_u64..).take(size.target_tyres);

@@ -31,7 +31,7 @@ fn config_for(call: Call, stated: f64) -> FuseConfig {
 #[derive(Debug, Clone)]
 pub(super) struct FalseCalls {
     pub index: IndexKind,
-    /// Casings in the reference; 0 is each tyre by itself.
+    /// Casings in the reference; 0: each tyre with itself.
     pub casings: usize,
     pub call: Call,
     pub stated: f64,
@@ -48,7 +48,7 @@ pub(super) fn false_calls(set: &Set, size: &Size, seed: u64) -> Result<Vec<False
     let tyres = (0..size.sound_tyres).map(|k| sound(serial(k))).collect();
     let dataset = Dataset::scan(&set.simulation, tyres, &size.short, (seed, size.location_count))?;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    // No casing is each tyre by itself.
+    // 0 compares each tyre with itself.
     let mut references = vec![Vec::new()];
     for &casings in &size.reference_sizes {
         for _ in 0..size.draws {

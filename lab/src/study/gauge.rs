@@ -75,7 +75,7 @@ pub(super) fn gauge(set: &Set, size: &Size, seed: u64) -> Result<Vec<GaugeResult
 }
 
 impl GaugeResult {
-    /// Of `scans`, those of the first rig first.
+    /// From `scans`, those of the first rig first.
     fn new(index: IndexKind, reading: Reading, scans: &[Vec<ShoulderResult>], repeat_count: usize) -> Self {
         let maps: Vec<Vec<f64>> = scans.iter().map(|scan| scan.iter().flat_map(|j| reading.of(j)).collect()).collect();
         let part_count = maps.first().map_or(0, Vec::len);

@@ -9,7 +9,7 @@ use tapline_wire::{Discriminator, Verdict};
 use super::dataset::Dataset;
 use crate::evaluation::ShoulderResult;
 
-/// The fusion that has had all taps of `dataset`: by the shoulders of a reference, or each tyre by itself.
+/// The fusion after all taps of `dataset`, compared with the shoulders of a reference, or each tyre with itself.
 fn fusion(config: &FuseConfig, dataset: &Dataset, by: Option<&Arc<ReferenceSet>>) -> Result<Fusion> {
     let config = FuseConfig { reference: Some(Reference::Own), ..config.clone() };
     let mut fusion = Fusion::by(&config, &dataset.plan, by.cloned())?;
@@ -39,7 +39,7 @@ pub(super) fn judge(
     (0..dataset.plan.scans().len()).map(judged).collect()
 }
 
-/// What each discriminator says of the shoulders of `dataset`, in place of the index; nothing is called.
+/// The score of each discriminator on the shoulders of `dataset`, in place of the index; nothing is called.
 pub(super) fn alone(
     dataset: &Dataset,
     by: Option<&Arc<ReferenceSet>>,

@@ -33,7 +33,7 @@ use self::size::Size;
 use self::summary::OfSet;
 use crate::evaluation::{Detection, Table, print_tables};
 
-/// What a study is asked for.
+/// Options of a study.
 #[derive(Debug, clap::Args)]
 pub struct StudyArgs {
     /// Tyres of each simulated set, of which half are the reference and half are judged; 16, or 8 with --quick, when left out.
@@ -46,7 +46,7 @@ pub struct StudyArgs {
     /// Threads; one for every core when left out. They change no result.
     #[arg(long, default_value_t = 0)]
     pub threads: usize,
-    /// Do little of everything, to see that it works.
+    /// Do a little of everything, to see that it works.
     #[arg(long)]
     pub quick: bool,
     /// Print the tables as JSON.
@@ -55,7 +55,7 @@ pub struct StudyArgs {
     /// Folder to write tables (CSV) and figures (SVG) into, with a page beside it; made when it is not there.
     #[arg(long)]
     pub out: Option<PathBuf>,
-    /// Whether files that are there are replaced.
+    /// Whether existing files are replaced.
     #[command(flatten)]
     pub force: ForceArgs,
 }
@@ -66,10 +66,10 @@ const TYRES_QUICK: usize = 8;
 /// Most tyres of a set: some days of work.
 const TYRES_MAX: usize = 10_000;
 
-/// Steps of a study that are done with the first set alone: detection, false calls, gauge.
+/// Steps of a study that only use the first set: detection, false calls, gauge.
 const PARTS_OF_ONE_SET: usize = 3;
 
-/// A step of a study, which people are told of.
+/// A step of a study, as people see it.
 struct Step {
     number: usize,
     count: usize,
@@ -96,7 +96,7 @@ struct Findings {
     tables: Vec<Table>,
 }
 
-/// Does the study, prints its tables, and writes them with figures and a page where that is asked for.
+/// Does the study, prints its tables, and writes them with figures and a page if asked for.
 ///
 /// # Errors
 /// Too few tyres, threads that cannot be started, a computation that fails, or an error of the file system.
@@ -104,7 +104,7 @@ pub fn study(args: &StudyArgs) -> Result<()> {
     let tyres = args.tyres.unwrap_or(if args.quick { TYRES_QUICK } else { TYRES });
     ensure!(
         (8..=TYRES_MAX).contains(&tyres),
-        "--tyres is {tyres}; it must be from 8, of which two sound and two cracked ones are judged, to {TYRES_MAX}"
+        "--tyres is {tyres}; it must be from 8 (two sound and two cracked ones are then judged) to {TYRES_MAX}"
     );
     let size = if args.quick { Size::quick(tyres) } else { Size::full_study(tyres) };
     if let Some(folder) = &args.out {

@@ -1,4 +1,4 @@
-//! Every set by other readings of the same records: what their length is worth.
+//! Every set with different readings of the same records: the effect of their length.
 
 use anyhow::Result;
 use tapline_fuse::FuseConfig;

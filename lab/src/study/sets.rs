@@ -22,7 +22,7 @@ pub(super) struct Cracks {
     pub location_count: (u32, u32),
 }
 
-/// Of every set that names no others: down to cracks that are hardly felt, since any index finds the others.
+/// Cracks of every set that names no others: down to hardly noticeable ones, since any index finds the others.
 const CRACKS: Cracks =
     Cracks { depth_mm: (10.0, 28.0), length_mm: (4.0, 20.0), offset_mm: (0.0, 0.0), location_count: (1, 8) };
 
@@ -30,7 +30,7 @@ const CRACKS: Cracks =
 #[derive(Debug, Clone)]
 pub(super) struct Set {
     pub name: &'static str,
-    /// In what it differs from the first.
+    /// How it differs from the first.
     pub about: &'static str,
     pub simulation: SimulationConfig,
     pub cracks: Cracks,
@@ -80,7 +80,7 @@ pub(super) fn sound(serial: String) -> TyreConfig {
     TyreConfig { serial, station: 1, crack: Vec::new() }
 }
 
-/// A tyre with cracks as `cracks` has them, of which `number` is the only one drawn so from `seed`.
+/// A tyre with cracks within `cracks`; each `number` draws different ones from `seed`.
 pub(super) fn cracked(serial: String, cracks: &Cracks, location_count: u32, seed: u64, number: u64) -> TyreConfig {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(number);

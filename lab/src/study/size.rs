@@ -22,7 +22,7 @@ pub(super) struct Size {
     pub reference_sizes: Vec<usize>,
     /// Cracked tyres of which finds are counted.
     pub target_tyres: usize,
-    /// Sound tyres that are the reference of those.
+    /// Sound tyres that are the reference for those.
     pub target_reference: usize,
     /// How many tyres a rig reads again, and how often.
     pub gauge_tyres: usize,

@@ -1,4 +1,4 @@
-//! The default index beside what it must beat, set by set.
+//! The default index compared with what it must beat, set by set.
 
 use crate::evaluation::{Areas, Cell, Table, cell, ends};
 use tapline_fuse::IndexKind;

@@ -8,7 +8,7 @@ use tapline_wire::{
     RecordKind, Recording, SampleFormat, Serial, SourceKind, Stamp, TapHeader, TapId, Truth, Verdict,
 };
 
-/// Limits of every shoulder, and the rates that are stated for them.
+/// Limits of every shoulder, and the rates stated for them.
 pub(crate) const LIMITS: [f64; 2] = [2.0, 3.0];
 const RATES: [f64; 2] = [0.02, 0.001];
 

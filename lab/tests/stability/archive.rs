@@ -28,7 +28,7 @@ fn archived_plan() -> Plan {
 ///
 /// Naive: a factor of 1000 passes Eq. 55 of one tyre unseen (1e-9), and by the extremes of another tyre puts every location
 /// beyond them. Hold: levels are those of a turn, so that a factor changes the default index by less than 1e-6; an archive
-/// says its units and is refused where they are other or not there.
+/// states its units and is refused if they differ or are missing.
 #[test]
 fn c43_a_factor_of_a_thousand() {
     let mut normal = Normal::new(43);
@@ -97,10 +97,10 @@ fn power_ratio(f_c_hz: f64, normal: &mut Normal) -> f64 {
     found.values.get(Discriminator::Pr).unwrap()
 }
 
-/// Case 44: an archive that is gone on with under another band.
+/// Case 44: an archive that is continued with another band.
 ///
 /// Naive: PR of 400 Hz and of 550 Hz in one normalisation part a sound ring into halves that lie more than half of the
-/// whole scale and 10 of their own deviations apart. Hold: an archive holds what its results are computed by, and is
+/// whole scale and 10 of their own deviations apart. Hold: an archive holds the settings of its results, and is
 /// refused under other options; both are named.
 #[test]
 fn c44_an_archive_of_two_bands() {

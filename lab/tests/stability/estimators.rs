@@ -1,4 +1,4 @@
-//! Cases that a setting beside the default one holds: noise, droop, band edges, a neighbour behind what is used.
+//! Cases that a setting other than the default holds: noise, droop, band edges, a neighbour after the part read.
 
 use tapline_process::{BandEdges, ProcessConfig, QualityConfig, Subtraction};
 use tapline_wire::Discriminator;
@@ -8,7 +8,7 @@ use crate::stability::tap::{COUNT, PRE_TRIGGER, RATE_HZ, Tap, add_noise};
 
 use Discriminator::{A2, FMax, Pr, Tau};
 
-/// Taps a mean is taken of.
+/// Taps in a mean.
 const TAPS: u64 = 20;
 
 /// The defaults, with every value kept whatever its flags.
@@ -49,7 +49,7 @@ fn c05_the_ringing_area_under_noise() {
 
 /// Case 7, by value: PR under white noise of 3 % of the peak.
 ///
-/// Naive: the whole record's PR is 5 % off and more, as what there is between the bands is noise. Hold: the first 50 ms less the
+/// Naive: the whole record's PR is 5 % off and more, as there is only noise between the bands. Hold: the first 50 ms less the
 /// noise before the trigger within 1 %.
 #[test]
 fn c07_the_power_ratio_under_noise() {
@@ -60,7 +60,7 @@ fn c07_the_power_ratio_under_noise() {
     assert!(held.abs() < 0.01, "{held}");
 }
 
-/// What a coupling of time constant `time_constant_s` makes of a force: it forgets.
+/// A force after an AC coupling of time constant `time_constant_s`: it decays.
 fn drooped(tap: &Tap, time_constant_s: f64) -> Tap {
     let (keeps, mut charge) = ((-1.0 / (RATE_HZ * time_constant_s)).exp(), 0.0);
     let mut last = 0.0;
@@ -100,7 +100,7 @@ fn c12_a_coupling_that_forgets() {
 fn c15_a_short_record_ends_before_the_neighbour() {
     let mut heard = Tap::sound();
     let lag = (50e-3 * RATE_HZ) as usize;
-    // Another casing: higher modes come out of it.
+    // Another casing, with higher modes.
     for k in PRE_TRIGGER + lag..COUNT {
         let t = (k - PRE_TRIGGER - lag) as f64 / RATE_HZ;
         heard.sound_v[k] += (-120.0 * t).exp() * (std::f64::consts::TAU * 1200.0 * t).sin();

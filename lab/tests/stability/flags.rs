@@ -1,7 +1,7 @@
-//! Cases 6 to 17 as far as a flag holds them: the record is spoilt, nothing is mended, and it is said.
+//! Cases 6 to 17 as far as a flag holds them: the record is spoilt, nothing is repaired, and a flag says so.
 //!
 //! The limit of each is: flagged in all of the taps, and by default the spoilt features absent, or kept where the policy
-//! of the flag says so. Twenty taps a disturbance, each with noise of its own; an undisturbed tap has no flag.
+//! of the flag says so. Twenty taps per disturbance, each with its own noise; an undisturbed tap has no flag.
 
 use tapline_model::{Scene, defect_contact, integral_contact};
 use tapline_process::{Policy, ProcessConfig};
@@ -12,7 +12,7 @@ use crate::stability::tap::{COUNT, RATE_HZ, Tap, add_hum, add_noise, clip, peak}
 
 use Discriminator::{A1, A2, Ef, FMax, Pf, Pr, Tau};
 
-/// Taps a disturbance.
+/// Taps per disturbance.
 const TAPS: u64 = 20;
 /// Noise of every tap, over its peak.
 const NOISE: f64 = 1e-3;
@@ -48,7 +48,7 @@ fn value(found: &Discriminators, which: Discriminator) -> f64 {
     found.values.get(which).unwrap_or_else(|| panic!("{which:?} is absent: {found:?}"))
 }
 
-/// Catches flags that are there for nothing: of 500 taps with a noise of 0.1 % and nothing else, one may have one.
+/// Catches flags without a cause: of 500 taps with a noise of 0.1 % and nothing else, one may have one.
 #[test]
 fn an_undisturbed_tap_has_no_flag() {
     let all: Vec<Tap> = (0..25).flat_map(|seed| taps(1000 + seed, |_| {}, |_| {})).collect();

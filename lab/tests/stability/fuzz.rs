@@ -1,4 +1,4 @@
-//! Any text at all as a run's configuration. The readers of tap sets are treated likewise beside their code, and the
+//! Any text at all as a run's configuration. The readers of tap sets are tested likewise next to their code, and the
 //! extractor's records in the tests of its crate.
 
 use std::cell::Cell;

@@ -82,7 +82,7 @@ fn c37_missing_and_reordered_locations() {
     reversed.extend_from_slice(&of[..30]); // and some of them twice
     assert_eq!(bits(&judge(&FuseConfig::by(Reference::Own), &plan, &reversed).remove(0).1), bits(&straight.1));
 
-    // A neighbour across the gap has no word: 26 far off changes 26 and 27, not 19.
+    // A neighbour across the gap does not count: 26 far off changes 26 and 27, not 19.
     let mut far = of.clone();
     let at = far.iter().position(|r| r.id.location == 26).unwrap();
     let a_1 = far[at].values.get(Discriminator::A1).unwrap();
@@ -108,7 +108,7 @@ fn c37_missing_and_reordered_locations() {
 /// Case 38: more than half of the ring is damaged.
 ///
 /// Naive: centred by the median of a ring of which 60 % is damaged, damage lies within 1.5 of 0 and the sound rest more than
-/// 4 from it. Hold: by the word of a sound shoulder the reason is `no_sound_majority` beside `damage`, at 60 % and not at
+/// 4 from it. Hold: compared with a sound shoulder the reason is `no_sound_majority` beside `damage`, at 60 % and not at
 /// 40 %; the ring alone does not pass at 60 and 70 %. Limit: a turn's level is sought among its lowest quarter, so what
 /// exceeds three quarters is taken for sound; damage all round is `level_off` by five casings or more, and unknown to fewer.
 #[test]
@@ -272,7 +272,7 @@ fn c40_the_largest_over_conditions() {
     assert!(ours - naive > 0.02, "{ours} {naive}");
 }
 
-/// Case 41: tuned and tested on the same tyre.
+/// Case 41: a choice tuned and tested on the same tyre.
 ///
 /// Naive: the best of 40 discriminators that are noise, chosen on the tyre it is scored on, has an AUC above 0.65 (0.70). Hold:
 /// chosen on the other tyres it has 0.5 within 0.05 in the mean of 40 draws of three tyres; a number is given per tyre, and

@@ -1,4 +1,4 @@
-//! Rings made up for the cases: normal scatter, planned scans, and the plain reading of Eqs. 55 and 56.
+//! Artificial rings for the cases: normal scatter, planned scans, and the plain reading of Eqs. 55 and 56.
 
 use std::sync::Arc;
 
@@ -64,7 +64,7 @@ pub(crate) fn ring_plan(tyres: &[Serial], shoulders: u16, count: u32) -> Plan {
     plan_of(taps.collect(), Truth::new())
 }
 
-/// One record a planned tap, with the discriminators that `values` gives it, in plan order.
+/// One record per planned tap, with the discriminators that `values` gives it, in plan order.
 pub(crate) fn records(
     plan: &Plan,
     mut values: impl FnMut(&PlannedTap) -> Vec<(Discriminator, f64)>,
@@ -95,7 +95,7 @@ pub(crate) fn judge(config: &FuseConfig, plan: &Plan, records: &[Discriminators]
     judge_by(Fusion::new(config, plan).unwrap(), plan, records)
 }
 
-/// Judges every scan of `plan` from `records` by the shoulders of `set`.
+/// Judges every scan of `plan` from `records`, compared with the shoulders of `set`.
 pub(crate) fn judge_by_file(
     config: &FuseConfig,
     set: &Arc<ReferenceSet>,
@@ -123,7 +123,7 @@ pub(crate) fn directed() -> Vec<(Discriminator, f64)> {
     FuseConfig::default().discriminators.into_iter().map(signed).collect()
 }
 
-/// Eq. 55 as it stands: |x - x_m|/(x_max - x_min) with the extremes of `reference`, reduced as numpy reduces.
+/// Eq. 55 as printed: |x - x_m|/(x_max - x_min) with the extremes of `reference`, reduced as numpy reduces.
 pub(crate) fn naive_eq_55(values: &[f64], reference: &[f64], direction: Direction) -> Vec<f64> {
     let extreme = |is_better: fn(f64, f64) -> bool| {
         reference.iter().copied().fold(reference[0], |m, x| {

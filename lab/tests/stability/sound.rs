@@ -26,7 +26,7 @@ fn off(tap: &Tap, which: Discriminator) -> f64 {
     (value(&found(tap), which) / value(&found(&Tap::sound()), which) - 1.0).abs()
 }
 
-/// PR, P_f and E_f as they are read plainly: the spectrum of the record as it is, times `window`, over all from 0 to 20 kHz.
+/// PR, P_f and E_f read naively: the spectrum of the record as it is, times `window`, over all from 0 to 20 kHz.
 fn naive_powers(sound_v: &[f64], window: impl Fn(f64) -> f64) -> [f64; 3] {
     let count = sound_v.len();
     let mut signal: Vec<f64> = sound_v.iter().enumerate().map(|(k, x)| x * window(k as f64 / count as f64)).collect();
@@ -121,7 +121,7 @@ fn c04_a_signed_ringing_area() {
 /// Naive: over all frequencies PR loses more than half at 10 % (0.47). Hold: PR and E_f within 1e-6 at either frequency; measured 1e-8.
 /// A hum that does not fit the record in whole periods leaks into the bands: at 52 Hz 1 and 3 % are held within 2e-3, 10 % within
 /// 2e-2 and under its flag.
-/// Open: A_1 scatters with the phase of the hum by as much as plainly read; the estimator that takes hum out is not default.
+/// Open: A_1 scatters with the phase of the hum by as much as read naively; removing the hum is not the default.
 #[test]
 fn c06_hum_on_sound() {
     for f_hz in [50.0, 52.0, 60.0] {
@@ -190,7 +190,7 @@ fn c16_the_microphone_farther_off() {
     assert!(off(&tap, Discriminator::Pr) < 1e-6, "{}", off(&tap, Discriminator::Pr));
 }
 
-/// Case 18: a casing ten degrees warmer, whose contact lasts 4.3 % longer.
+/// Case 18: a casing ten degrees warmer, whose contact is 4.3 % longer.
 ///
 /// Naive: where f_c follows tau, PR of one and the same sound moves by a quarter (0.140 to 0.177). Hold: with the fixed band, which is the
 /// default, it does not move by a bit. Open: force and tau themselves move; no temperature is stored.

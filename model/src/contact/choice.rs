@@ -155,16 +155,16 @@ impl fmt::Display for Choice {
         if rung == Rung::Full {
             write!(f, "full: nothing cheaper is{known} within {tolerance} of it")?;
         } else {
-            write!(f, "{rung} is within {:.6} of full, {tolerance} is asked for", self.bounds.of(rung))?;
+            write!(f, "{rung} is within {:.6} of full; {tolerance} is asked for", self.bounds.of(rung))?;
         }
         for cheaper in Rung::ALL.into_iter().take_while(|&cheaper| cheaper < rung) {
             match self.bounds.of(cheaper) {
                 bound if bound.is_finite() => write!(f, "; {cheaper} {off} off by {bound:.6}")?,
-                _ => write!(f, "; of {cheaper} nothing is known")?,
+                _ => write!(f, "; nothing is known of {cheaper}")?,
             }
         }
         if let Some(DomainCheck { name, value, low, high }) = self.bounds.outside {
-            write!(f, " ({name} is {value:.4}, the map of errors has {low:.4} to {high:.4})")?;
+            write!(f, " ({name} is {value:.4}; the map of errors has {low:.4} to {high:.4})")?;
         }
         Ok(())
     }

@@ -46,7 +46,7 @@ fn choices_keep_their_word() {
         }
         missed += u32::from(tried.contact.rung < rung);
     }
-    // The price of not running the full rung.
+    // The cost of not running the full rung.
     println!("{missed} of {SCENES} choices were dearer than need be");
     assert!(taken.iter().all(|&count| count > 10), "rungs taken: {taken:?}");
 }
@@ -92,7 +92,7 @@ fn reasons_are_given() {
     assert!(text.starts_with("full: nothing cheaper") && text.contains("; integral may be off by 0.0"), "{text}");
     let text = why(&Scene { restitution: 0.2, ..deep }, 0.1);
     assert!(
-        text.ends_with("; of plate nothing is known (rebound is 0.2000, the map of errors has 0.3000 to 1.0000)"),
+        text.ends_with("; nothing is known of plate (rebound is 0.2000; the map of errors has 0.3000 to 1.0000)"),
         "{text}"
     );
 }

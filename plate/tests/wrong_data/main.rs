@@ -1,4 +1,4 @@
-//! Wrong data is told: faults planted in the taps of two simulators that share no code, and how many of them are flagged.
+//! Wrong data is flagged: faults planted in taps of two simulators that share no code, and how many of them are flagged.
 //!
 //! Each fault must be flagged in 99 of 100 faulty taps, and no flag may be raised in more than 1 of 100 clean ones. Run it with
 //! `cargo test -p tapline-plate --test wrong_data -- --nocapture` to see the shares.
@@ -14,7 +14,7 @@ use tapline_wire::{Channel, ChannelHeader, SampleFormat, TapHeader, TapId};
 
 const RATE_HZ: f64 = 40_960.0;
 
-/// A tap of so many samples, of a `velocity` as it was planned and as it was measured.
+/// A tap of `count` samples, with `velocity` as planned and as measured.
 fn header(
     format: SampleFormat,
     count: u32,

@@ -71,12 +71,12 @@ fn modelled(plan: &Plan, tyre: SimulatedTyre, process: &ProcessConfig) -> Vec<Di
     (0..).zip(plan.taps()).map(tap).collect()
 }
 
-/// Counts the shoulders of each simulator that have `reason` after `spoil` was done to their taps.
+/// Counts the shoulders of each simulator that have `reason` after `spoil` has changed their taps.
 fn told(reason: Reasons, what: &str, spoil: impl Fn(&mut Discriminators)) -> [f64; 2] {
     told_of(reason, what, 1, spoil)
 }
 
-/// The same of every `step`th casing: of 2, the sound ones.
+/// The same for every `step`th casing: for 2, the sound ones.
 fn told_of(reason: Reasons, what: &str, step: usize, spoil: impl Fn(&mut Discriminators)) -> [f64; 2] {
     SCANS.each_ref().map(|(name, scans)| {
         let (mut told_count, mut count) = (0, 0);
@@ -118,7 +118,7 @@ fn a_force_gain_that_changes_within_a_scan() {
         ];
         for (place, is_there) in places {
             let what = format!("gain {gain} at {place}");
-            // A crack in the same place takes force too: whether the gain is off there as well, nothing tells.
+            // A crack in the same place reduces the force too: nothing shows whether the gain is off there as well.
             let shares = told_of(Reasons::FORCE_OFF, &what, 2, |tap| off(tap, is_there(&tap.id)));
             assert!(shares.iter().all(|share| *share >= 0.99), "{what}: {shares:?}");
         }
@@ -134,7 +134,7 @@ fn a_force_gain_that_changes_between_turns() {
             let f_max = tap.values.get(Discriminator::FMax).filter(|_| is_off);
             f_max.into_iter().for_each(|f_max| tap.values.set(Discriminator::FMax, Some(gain * f_max)));
         });
-        // A quarter of the casings has one turn alone.
+        // A quarter of the casings have only one turn.
         assert!(shares.iter().all(|share| *share >= 0.75 * 0.99), "{shares:?}");
     }
 }
@@ -154,7 +154,7 @@ fn a_force_that_is_missing_in_a_block() {
     }
 }
 
-/// Catches a velocity that was never measured and of which nothing is said, and one that lacks at a tap.
+/// Catches a velocity that was never measured and not reported, and one that is missing at a tap.
 #[test]
 fn a_velocity_that_was_never_measured() {
     let some = |tap: &mut Discriminators| {

@@ -154,7 +154,7 @@ fn dropouts() {
                 ["zeros", "one value"][usize::from(holds)],
                 ["sound", "force",][usize::from(of_force)]
             );
-            // What holds the value of the peak looks as clipping does; what holds another in its place leaves no pulse.
+            // Holding the value of the peak looks like clipping; holding another one leaves no pulse.
             let flag = match (holds, of_force) {
                 (true, true) => Quality::DROPOUT | Quality::CLIPPED | Quality::NO_PULSE,
                 (true, false) => Quality::DROPOUT | Quality::CLIPPED,
@@ -205,7 +205,7 @@ fn a_sound_that_is_late() {
 #[test]
 fn spikes_on_the_pulse() {
     for part in [0.1, -0.1, 0.2, -0.3, 0.5, 1.0, 4.0] {
-        // One as high as the pulse, and beside it, looks like a pulse of its own.
+        // One as high as the pulse, and next to it, looks like a pulse of its own.
         let own = if part < 1.0 { Quality::empty() } else { Quality::UNDERSAMPLED | Quality::DOUBLE_HIT };
         assert_flagged(Quality::SPIKE | own, &format!("a spike of {part}"), |k, tap| {
             let place = pulse_at(tap) + k % 25 - 12;
@@ -288,8 +288,8 @@ fn what_is_spoilt_is_absent() {
     absent(Quality::SPIKE, &|tap| tap.force[530] += 0.3 * peak(&tap.force), &[FMax, Tau, A1, A2]);
 }
 
-/// Catches a new flag that real records raise: three slabs hit by hand, which have no force. Dropouts are the only one that a
-/// sound alone can show.
+/// Catches a new flag that real records raise: three slabs hit by hand, which have no force. Only dropouts can be seen in a
+/// sound alone.
 #[test]
 fn recorded_slabs() {
     for slab in ["fhwa-slab-bj", "ntu-slab-06cm", "ntu-slab-10cm"] {

@@ -304,8 +304,8 @@ fn check_scan(
     let has_regions = cells.iter().any(|cell| cell.region != 0);
     if has_regions != (reasons.contains(Reasons::DAMAGE) || reasons.contains(Reasons::SUSPECT)) {
         complain(format!(
-            "its reasons are {reasons:?}, but its map has {} regions",
-            if has_regions { "" } else { "no" }
+            "its reasons are {reasons:?}, but its map has {}",
+            if has_regions { "regions" } else { "no region" }
         ));
     }
     if row.cell_count as usize != cells.len() {

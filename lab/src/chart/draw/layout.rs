@@ -1,4 +1,4 @@
-//! What stands over a pair of axes: title, what marks mean, and what the ordinate is.
+//! The text above a pair of axes: title, key to the marks, and name of the ordinate.
 
 use anyhow::Result;
 use plotters::prelude::*;
@@ -8,21 +8,21 @@ use tapline_draw::canvas::{Area, INK, PALE_INK, Point as Place, at, line, units,
 use super::{RADIUS, shape};
 use crate::chart::panel::Facet;
 
-/// Size of letters; none are smaller.
+/// Font size; no text is smaller.
 pub(super) const TEXT_PX: f64 = 12.0;
-/// Size of a title's letters.
+/// Font size of a title.
 const TITLE_PX: f64 = 15.0;
 /// Height of a line of text.
 pub(super) const LINE_PX: f64 = 17.0;
 const EDGE: f64 = 10.0;
 
-/// Lines over the axes.
+/// Lines above the axes.
 #[derive(Debug)]
 pub(super) enum Block {
     Title(Vec<String>),
-    /// Rows of what marks mean.
+    /// Rows of the key to marks.
     Key(Vec<Vec<Item>>),
-    /// What the ordinate is.
+    /// Name of the ordinate.
     Ordinate(String),
 }
 
@@ -41,7 +41,7 @@ enum Sign {
     Front,
 }
 
-/// The blocks over the axes of `facet`, within `width`.
+/// The blocks above the axes of `facet`, within `width`.
 pub(super) fn layout(facet: &Facet, width: f64) -> Vec<Block> {
     let width = width - 2.0 * EDGE;
     let mut items = Vec::new();
@@ -151,7 +151,7 @@ fn wrapped(text: &str, width: f64, size: f64) -> Vec<String> {
     lines
 }
 
-/// Width of `text` in pixels, of a font as wide as those of Linux are: others are narrower.
+/// Width of `text` in pixels, in a font as wide as those of Linux: others are narrower.
 pub(super) fn width_of(text: &str, size: f64, is_bold: bool) -> f64 {
     let em = |letter: char| match letter {
         'i' | 'j' | 'l' | '.' | ',' | ':' | ';' | '\'' | '|' | ' ' | '(' | ')' => 0.34,
@@ -168,7 +168,7 @@ pub(super) fn width_of(text: &str, size: f64, is_bold: bool) -> f64 {
 mod tests {
     use super::*;
 
-    /// Catches a line that is too long where words can be parted, and words that are lost.
+    /// Catches a line that is too long though it can be broken, and words that are lost.
     #[test]
     fn titles_are_broken_between_words() {
         let text = "Which scan plan, and which method, of all that were tried here?";

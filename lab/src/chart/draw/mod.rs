@@ -23,7 +23,7 @@ use super::point::Point;
 pub(crate) const WIDE: Place = (560.0, 460.0);
 /// Size of a facet on a phone.
 pub(crate) const NARROW: Place = (358.0, 430.0);
-/// Size of a facet of which two stand side by side in a page of a repository.
+/// Size of a facet if two are side by side on a page of a repository.
 const HALF: Place = (440.0, 440.0);
 
 /// Height of the room below the axes, for ticks and the cost.
@@ -33,7 +33,7 @@ const LEFT: f64 = 50.0;
 const RIGHT: f64 = 14.0;
 /// Radius of a point.
 const RADIUS: f64 = 4.5;
-/// How far a default's ring stands off its point.
+/// Distance of a default's ring from its point.
 const RING: f64 = 4.5;
 
 /// The picture of one facet.
@@ -42,7 +42,7 @@ pub(crate) fn facet(facet: &Facet, size: Place) -> Result<String> {
     Ok(slim(&svg))
 }
 
-/// All facets of a panel on one picture, on so many columns.
+/// All facets of a panel in one picture, in one or two columns.
 pub(crate) fn sheet(panel: &Panel, is_narrow: bool) -> Result<String> {
     let (columns, size) = if is_narrow || panel.facets.len() == 1 { (1, NARROW) } else { (2, HALF) };
     let rows = panel.facets.len().div_ceil(columns);
@@ -61,7 +61,7 @@ fn pixels((width, height): Place) -> (u32, u32) {
     (width as u32, height as u32)
 }
 
-/// Without attributes that say what is so anyway, and with paper around every letter, so that lines do not cross them.
+/// Removes attributes that only state defaults, and outlines every letter in white, so that lines do not cross it.
 fn slim(svg: &str) -> String {
     let halo = format!(
         "<text paint-order=\"stroke\" stroke=\"#FFFFFF\" stroke-width=\"{}\" stroke-linejoin=\"round\" ",
@@ -70,7 +70,7 @@ fn slim(svg: &str) -> String {
     svg.replace(" opacity=\"1\"", "").replace(" stroke=\"none\"", "").replace("<text ", &halo)
 }
 
-/// A facet on its way onto an area.
+/// A facet that is being drawn.
 struct Drawing<'a> {
     facet: &'a Facet,
     corner: Place,
@@ -135,7 +135,7 @@ impl<'a> Drawing<'a> {
         self.names(area, &frame)
     }
 
-    /// Bands of what is published or needed.
+    /// Bands of published or required values.
     fn guides(&self, area: &Area<'_>, frame: &Frame) -> Result<()> {
         for guide in &self.facet.guides {
             let [from, to] = [guide.cost.0, guide.cost.1].map(|cost| frame.x(cost));
@@ -168,7 +168,7 @@ impl<'a> Drawing<'a> {
         write(area, &cost, (frame.right, frame.bottom + 31.0), TEXT_PX, INK, HPos::Right, false)
     }
 
-    /// A staircase under which no point lies, for each group; and, where there are groups, the points of a family joined.
+    /// For each group a staircase below which no point lies; with several groups, also lines that join a family.
     fn front_lines(&self, area: &Area<'_>, frame: &Frame) -> Result<()> {
         let mut groups: Vec<usize> = self.facet.points.iter().map(|point| point.group).collect();
         groups.sort_unstable();
@@ -205,7 +205,7 @@ impl<'a> Drawing<'a> {
         stairs
     }
 
-    /// The lines that names should not stand on.
+    /// The lines that names should not cover.
     fn lines(&self, frame: &Frame) -> Vec<Line> {
         let stairs = self.stairs(frame, self.facet.points.first().map_or(0, |point| point.group));
         let mut lines: Vec<Line> =
@@ -271,7 +271,7 @@ fn intervals(area: &Area<'_>, frame: &Frame, point: &Point) -> Result<()> {
     Ok(())
 }
 
-/// The mark of `point`: its shape says the family, hollow that it fails a stability limit, a ring around it that it is the default.
+/// The mark of `point`: its shape shows the family; it is hollow if it fails a stability limit, and ringed if it is the default.
 fn mark(area: &Area<'_>, point: &Point, place: Place) -> Result<()> {
     if !place.1.is_finite() || !point.error.value.is_finite() {
         return Ok(());

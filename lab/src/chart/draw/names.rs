@@ -1,4 +1,4 @@
-//! Where the names of points stand: beside their points, over no other name.
+//! Places the names of points: next to their points, and not over another name.
 
 use tapline_draw::canvas::Point as Place;
 
@@ -8,9 +8,9 @@ use super::{LINE_PX, TEXT_PX, width_of};
 const REACHES: [f64; 9] = [3.0, 8.0, 16.0, 26.0, 38.0, 54.0, 74.0, 98.0, 126.0];
 /// Directions that are tried.
 const DIRECTIONS: usize = 16;
-/// Distance from which on a line leads from point to name.
+/// Distance from which a line connects point and name.
 const LEADER_FROM: f64 = 9.0;
-/// How often all names are placed anew, given all others.
+/// How often each name is placed again, given all others.
 const PASSES: usize = 4;
 
 /// A name and its point.
@@ -25,14 +25,14 @@ pub(super) struct Named {
     pub rank: (bool, bool),
 }
 
-/// A line that a name should not stand on, and how bad that is.
+/// A line that a name should not cover, and the penalty if it does.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Line {
     pub ends: (Place, Place),
     pub cost: f64,
 }
 
-/// Where names may stand.
+/// Where names may be.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Room {
     pub left: f64,
@@ -41,7 +41,7 @@ pub(super) struct Room {
     pub bottom: f64,
 }
 
-/// A name that stands somewhere.
+/// A name that has a place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Placed {
     pub middle: Place,
@@ -72,7 +72,7 @@ impl Box {
         self.left < other.right && other.left < self.right && self.top < other.bottom && other.top < self.bottom
     }
 
-    /// Whether the line from `a` to `b` comes near: by points along it.
+    /// Whether the line from `a` to `b` comes near, tested at points on it.
     fn is_crossed(&self, (a, b): (Place, Place)) -> bool {
         (0..=40).map(|k| f64::from(k) / 40.0).any(|t| {
             let (x, y) = (a.0 + t * (b.0 - a.0), a.1 + t * (b.1 - a.1));
@@ -86,11 +86,11 @@ impl Box {
 struct Candidate {
     of: Box,
     placed: Placed,
-    /// Of its distance, and of the lines that it stands on.
+    /// Penalty of its distance, and of the lines that it covers.
     badness: f64,
 }
 
-/// A place for each of `names`; `None` for one that has none without covering another.
+/// A place for each of `names`; `None` for one that must cover another.
 pub(super) fn place(names: &[Named], lines: &[Line], room: &Room) -> Vec<Option<Placed>> {
     let mark = |name: &Named| Box::around(name.place, name.radius + 2.0, name.radius + 2.0);
     let marks: Vec<Box> = names.iter().map(mark).collect();
@@ -118,7 +118,7 @@ fn candidates(name: &Named, lines: &[Line], room: &Room) -> Vec<Candidate> {
     for reach in REACHES {
         for direction in 0..DIRECTIONS {
             let (sin, cos) = (std::f64::consts::TAU * direction as f64 / DIRECTIONS as f64).sin_cos();
-            // Its edge, not its middle, lies so far off.
+            // Its edge, not its middle, has this distance.
             let away = name.radius + reach;
             let middle = (x + cos * away + stretched(cos) * half_width, y + sin * away + stretched(sin) * half_height);
             let of = Box::around(middle, half_width, half_height);
@@ -135,18 +135,18 @@ fn candidates(name: &Named, lines: &[Line], room: &Room) -> Vec<Candidate> {
     all
 }
 
-/// A direction's part, drawn towards whole sides, so that names stand at corners and edges of their points.
+/// A component of a direction, stretched towards -1 or 1, so that names are at corners and edges of their points.
 fn stretched(part: f64) -> f64 {
     (1.5 * part).clamp(-1.0, 1.0)
 }
 
-/// How bad a place is; `None` where it stands on another name.
+/// The penalty of a place; `None` if it covers another name.
 fn cost(candidate: &Candidate, own: usize, marks: &[Box], others: &[Candidate]) -> Option<f64> {
     if others.iter().any(|other| other.of.meets(&candidate.of)) {
         return None;
     }
     let on_marks = marks.iter().enumerate().filter(|(k, mark)| *k != own && mark.meets(&candidate.of)).count();
-    // Beside another point a name is taken for that one's.
+    // Next to another point a name is read as that point's.
     let own_distance = candidate.of.distance_to(&marks[own]);
     let mut others_marks = marks.iter().enumerate().filter(|(k, _)| *k != own);
     let is_near_another = others_marks.any(|(_, mark)| candidate.of.distance_to(mark) < 1.4 * own_distance - 1.0);
@@ -166,7 +166,7 @@ fn cost(candidate: &Candidate, own: usize, marks: &[Box], others: &[Candidate]) 
 mod tests {
     use super::*;
 
-    /// Catches names on names, on points of others, or outside of the room; a dozen points in a heap all have one.
+    /// Catches names on names, on points of others, or outside of the room; a dozen crowded points must all have one.
     #[test]
     fn names_do_not_stand_on_names() {
         let room = Room { left: 0.0, right: 420.0, top: 0.0, bottom: 330.0 };
@@ -192,7 +192,7 @@ mod tests {
         }
     }
 
-    /// Catches a name that stands beside another point than its own, and is read as that one's: two points with upright intervals, at
+    /// Catches a name nearer to another point than to its own, and read as that one's: two points with upright intervals, at
     /// the right edge of the room.
     #[test]
     fn a_name_is_nearest_to_its_own_point() {

@@ -1,11 +1,11 @@
-//! The scales of a facet: all points are in, intervals as far as they do not dwarf them.
+//! The scales of a facet: they span all points, and intervals unless these dwarf the points.
 
 use tapline_draw::scale::Scale;
 use tapline_draw::stats::extent;
 
 use crate::chart::panel::Facet;
 
-/// By how much of the values' own range an interval may widen an axis.
+/// Fraction of the values' range by which intervals may widen an axis.
 const WIDENED: f64 = 0.35;
 /// Room at either end.
 const ROOM: f64 = 0.06;
@@ -36,7 +36,7 @@ fn scale(values: &[f64], ends: &[f64], is_log: bool) -> Scale {
     let high = if reach_high > high + most { high + most } else { reach_high };
     match is_log {
         true => Scale::log((10.0_f64.powf(low), 10.0_f64.powf(high))).with_room(ROOM),
-        // A linear scale of what cannot be below 0 begins there.
+        // A linear scale of values that cannot be negative begins at 0.
         false if low >= 0.0 && low < 0.5 * high => Scale::linear((-0.02 * high, high)).with_room(0.5 * ROOM),
         false => Scale::linear((low, high)).with_room(ROOM),
     }
@@ -46,7 +46,7 @@ fn scale(values: &[f64], ends: &[f64], is_log: bool) -> Scale {
 mod tests {
     use super::*;
 
-    /// Catches a scale that leaves a point out, and one that an interval without end makes useless.
+    /// Catches a scale that leaves a point out, and one that an infinite interval makes useless.
     #[test]
     fn all_points_are_in() {
         let scale = scale(&[0.01, 0.02, 0.3], &[0.0, f64::INFINITY, 0.009, 0.4], true);

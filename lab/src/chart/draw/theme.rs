@@ -1,9 +1,9 @@
-//! Light and dark: a picture is drawn for white paper, and a style sheet gives its colours others on a dark screen.
+//! Light and dark: a picture is drawn for white paper, and a style sheet replaces its colours on a dark screen.
 
-/// The colours of a dark screen, by those of paper. Print is light whatever the screen is.
+/// For each colour on paper the one on a dark screen. Print is always light.
 pub(crate) const DARK_STYLE: &str = include_str!("dark.css");
 
-/// `svg` with a style of its own, for those that stand alone.
+/// `svg` with its own style, for pictures outside of a page.
 pub(crate) fn themed(svg: &str) -> String {
     match svg.split_once('>') {
         Some((head, rest)) => format!("{head}>\n<style>\n{DARK_STYLE}</style>{rest}"),
@@ -18,7 +18,7 @@ mod tests {
     use tapline_draw::canvas::{GRID, INK, PALE_INK};
     use tapline_draw::palette::COLORS;
 
-    /// Catches a colour that keeps its light value on a dark screen, where ink would be unseen.
+    /// Catches a colour that keeps its light value on a dark screen, where ink would be invisible.
     #[test]
     fn every_colour_has_a_dark_one() {
         let white = RGBColor(255, 255, 255);

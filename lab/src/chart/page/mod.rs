@@ -96,7 +96,7 @@ fn facet(facet: &Facet) -> Result<Markup> {
     })
 }
 
-/// `text` with what stands between backticks as code.
+/// `text` with the parts between backticks as code.
 fn with_code(text: &str) -> Markup {
     html! { @for (number, part) in text.split('`').enumerate() { @if number % 2 == 1 { code { (part) } } @else { (part) } } }
 }
@@ -199,7 +199,7 @@ pub(crate) fn markdown(panels: &[Panel], skipped: &[Skipped], provenance: &Prove
     page
 }
 
-/// A picture that a phone gets narrow.
+/// A picture, narrow on a phone.
 fn picture(panel: &Panel) -> String {
     format!(
         "<picture><source media=\"(max-width: 700px)\" srcset=\"{0}-narrow.svg\"><img src=\"{0}.svg\" alt=\"{1}\"></picture>",

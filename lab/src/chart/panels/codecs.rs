@@ -1,4 +1,4 @@
-//! Codecs: processor time of packing against what is left of the bytes, on simulated and on recorded taps.
+//! Codecs: processor time of packing against the packed size, on simulated and on recorded taps.
 
 use std::io::{Read as _, Write as _};
 use std::path::Path;
@@ -23,7 +23,7 @@ use crate::evaluation::{Table, cell};
 pub(super) const ENTRY: Entry =
     Entry { name: "codecs", expected_s: |size| if size.is_full { 25.0 } else { 3.0 }, uses_casings: false, measure };
 
-/// Bytes that costs are of: those of a tap of 0.4 s.
+/// Bytes to which costs refer: those of a tap of 0.4 s.
 const UNIT_BYTES: f64 = 65_536.0;
 
 /// Parts of a set of taps that are compared in pairs.
@@ -174,7 +174,7 @@ fn facet(bench: &Bench, name: &'static str, title: &str, taps: &Taps, table: &mu
     })
 }
 
-/// `tap` as the archive keeps it.
+/// `tap` as the archive stores it.
 fn pack_by(codec: Codec, element_bytes: usize, tap: &[u8]) -> Vec<u8> {
     let (mut planes, mut packed) = (Vec::new(), Vec::new());
     if codec == Codec::Gzip {
@@ -201,7 +201,7 @@ fn unpack_by(codec: Codec, element_bytes: usize, packed: &[u8], length: usize, b
     }
 }
 
-/// First the first bytes of all elements, then the second ones, and so on, as HDF5's filter `shuffle`.
+/// First the first bytes of all elements, then the second ones, and so on, like HDF5's filter `shuffle`.
 fn shuffled(element_bytes: usize, bytes: &[u8]) -> Vec<u8> {
     (0..element_bytes).flat_map(|k| bytes.iter().skip(k).step_by(element_bytes).copied()).collect()
 }

@@ -22,7 +22,7 @@ use crate::statistics::clopper_pearson;
 pub(super) const ENTRY: Entry =
     Entry { name: "index", expected_s: |size| if size.is_full { 130.0 } else { 8.0 }, uses_casings: true, measure };
 
-/// What becomes one number a place.
+/// How each place gets one number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Rule {
     Index(IndexKind),
@@ -41,7 +41,7 @@ fn rules(size: &Size) -> Vec<Rule> {
     rules
 }
 
-/// What an index is called beside its point.
+/// Label of an index next to its point.
 fn words(index: IndexKind) -> &'static str {
     if index == IndexKind::Dissertation { "Eqs. 55-56" } else { index.name() }
 }
@@ -132,14 +132,14 @@ fn costs(bench: &Bench, groups: &[Group], rules: &[Rule]) -> Result<Vec<Cost>> {
         let judging = rule.judging(&bench.size, group)?;
         let casing: Range<usize> = 0..1;
         let (plan, records) = set.part(casing, &judging.taps, *scene)?;
-        let reference = judging.reference.context("rules are by a file")?;
+        let reference = judging.reference.context("rules need a reference")?;
         prepared.push((Fusion::with_reference(&judging.config, &plan, reference)?, plan, records));
     }
     let mut workloads: Vec<Workload<'_>> = prepared
         .iter_mut()
         .map(|(fusion, plan, records)| {
             Workload::batch(1, move || {
-                // A further attempt each time, so that nothing is kept of the one before.
+                // A further attempt each time, so that no earlier result is reused.
                 records.iter_mut().for_each(|record| record.id.attempt += 1);
                 let is_taken = records.iter().all(|record| fusion.push(record).is_ok());
                 let scans = 0..plan.scans().len();
@@ -180,7 +180,7 @@ fn point(bench: &Bench, rule: Rule, cost: Cost, inspected: &[Inspected]) -> Resu
         .default_if(rule == Rule::Index(IndexKind::default())))
 }
 
-/// A rule that makes one number of a ring: what it is called beside its point and in a table, the number, and its family.
+/// A rule that reduces a ring to one number: its label, its name in a table, the number, and its family.
 type RingRule<'a> = (&'a str, &'a str, &'a dyn Fn(&Judged) -> f64, usize);
 
 /// The shoulders of `inspected` by the two ring rules.
@@ -230,9 +230,9 @@ fn ring_points(bench: &Bench, rule: Rule, cost: Cost, inspected: &[Inspected]) -
     rules.into_iter().map(point).collect()
 }
 
-/// What becomes of `rule` where the stability cases break an index.
+/// The limits that `rule` fails in the stability cases that break an index.
 fn failures(size: &Size, seed: u64, groups: &[Group], simulator: Simulator, rule: Rule) -> Result<Vec<Failure>> {
-    // Of one seed: what breaks an index breaks it there.
+    // One seed is enough: what breaks an index does so there.
     let groups: Vec<&Group> =
         groups.iter().filter(|group| group.simulator == simulator && group.seed == seed).collect();
     let (mut called, mut all, mut lost) = (0, 0, 0.0);
@@ -259,7 +259,7 @@ fn failures(size: &Size, seed: u64, groups: &[Group], simulator: Simulator, rule
     Ok(cases.into_iter().flatten().collect())
 }
 
-/// The area that `rule` loses where two taps of the reference have an initial area, or its one discriminator, twenty times the
+/// The AUC that `rule` loses if in two taps of the reference the initial area, or the rule's discriminator, is 20 times the
 /// usual and a twentieth of it.
 fn lost_to_outliers(size: &Size, group: &Group, rule: Rule, clean: &Judging) -> Result<f64> {
     let which = if let Rule::Alone(which) = rule { which } else { Discriminator::A1 };

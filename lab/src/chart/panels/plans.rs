@@ -1,4 +1,4 @@
-//! Scan plans: seconds of a casing on the rig against cracks that are missed.
+//! Scan plans: seconds per casing on the rig against cracks that are missed.
 
 use std::collections::BTreeMap;
 
@@ -22,7 +22,7 @@ use crate::simulated::{Judging, ScanTaps, Simulator, Times};
 pub(super) const ENTRY: Entry =
     Entry { name: "plans", expected_s: |size| if size.is_full { 150.0 } else { 8.0 }, uses_casings: true, measure };
 
-/// What the competing method takes, by its vendors.
+/// Time of the competing method, as its vendors state it.
 const SHEAROGRAPHY_S: (f64, f64) = (45.0, 60.0);
 
 const FIXED: usize = 0;

@@ -1,4 +1,4 @@
-//! What the estimators of `[process]` are worth to detection, each changed alone, in records of the default length.
+//! How each estimator of `[process]`, changed alone, affects detection in records of the default length.
 
 use anyhow::Result;
 use tapline_process::{BandEdges, DurationEstimator, PeakEstimator, Precision, ProcessConfig, Subtraction};
@@ -47,7 +47,7 @@ fn settings() -> Vec<Heard> {
     all.map(|(name, label, family, process)| Heard::changed((name, label, family), process)).into()
 }
 
-/// The stability limits that a setting does not keep: of the force's estimators those of their own panel, of the others those of a
+/// The limits that a setting fails: for the force's estimators those of their own panel, for the others those of a
 /// spectrum.
 fn failures(bench: &Bench, heard: &Heard) -> Result<Vec<Failure>> {
     let process = heard.reading.process;

@@ -1,4 +1,4 @@
-//! Recorded taps with a known truth: what index, spectrum and length of the record are worth on them.
+//! Recorded taps with a known truth: how index, spectrum and length of the record affect detection on them.
 
 use std::path::Path;
 
@@ -207,7 +207,7 @@ fn read(extractor: &mut ProcessExtractor, taps: &Taps) -> Vec<Discriminators> {
     taps.all.iter().map(of_tap).collect()
 }
 
-/// The places of all lines by their damage index; what lies on a line is drawn together.
+/// The places of all lines by their damage index; those of one line are resampled together.
 fn judged(config: &FuseConfig, plan: &Plan, found: &[Discriminators]) -> Result<Areas> {
     let mut fusion = Fusion::new(config, plan)?;
     found.iter().try_for_each(|found| fusion.push(found))?;

@@ -75,7 +75,7 @@ impl Way {
             && self.samples == SimulationConfig::default().sample_count
     }
 
-    /// The powers of a record, on the scale of one of [`SAMPLES`]: densities are of the whole record.
+    /// The powers of a record, scaled to one of [`SAMPLES`]: densities refer to the whole record.
     fn powers(self, extractor: &mut ProcessExtractor, tap: &Tap) -> Powers {
         let found = extractor.extract(&tap.header, Samples::I16(&tap.counts)).values;
         let scale = f64::from(self.samples) / f64::from(SAMPLES);
@@ -127,7 +127,7 @@ fn measure(bench: &Bench) -> Result<Panel> {
     })
 }
 
-/// Taps of a casing with a crack of middling depth under a tenth of them, with the rig's noise and hum or without.
+/// Taps of a casing with a crack of medium depth under a tenth of them, with the rig's noise and hum or without.
 fn taps(bench: &Bench, seed: u64, has_noise: bool) -> Result<Vec<Tap>> {
     let count = u32::try_from(bench.size.taps)?;
     let crack = Crack { shoulder: 1, first_location: 0, location_count: count.div_ceil(10), ..Crack::default() };
@@ -156,7 +156,7 @@ fn taps(bench: &Bench, seed: u64, has_noise: bool) -> Result<Vec<Tap>> {
     (0..count).map(&mut tap).collect()
 }
 
-/// The powers by a periodogram that shares no text with `process`.
+/// The powers from a periodogram that shares no code with `process`.
 fn truth(tap: &Tap) -> Result<Powers> {
     let sound = channel(&tap.header, Samples::I16(&tap.counts), Channel::Sound).context("a tap has a sound")?;
     let bin_hz = RATE_HZ / sound.len() as f64;
@@ -189,7 +189,7 @@ fn costs(bench: &Bench, ways: &[Way]) -> Result<Vec<Cost>> {
     let taps = taps(bench, bench.seed, true)?;
     let mut workloads = Vec::new();
     for &way in ways {
-        // With the flags' own policies, as a line has them.
+        // With the default policies of the flags, as on a line.
         let config = ProcessConfig { quality: QualityConfig::default(), ..way.config() };
         let mut extractor = ProcessExtractor::new(&config)?;
         workloads.push(Workload::each(&taps, move |tap| way.powers(&mut extractor, tap)[0]));

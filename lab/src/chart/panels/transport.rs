@@ -1,4 +1,4 @@
-//! Transport: the shared-memory hop beside a Unix socket and a pipe, by the size of the record.
+//! Transport: the shared-memory hop compared with a Unix socket and a pipe, by the size of the record.
 
 use std::time::Duration;
 
@@ -21,7 +21,7 @@ pub(super) const ENTRY: Entry = Entry {
 /// Sizes of a record. A tap of 0.4 s has 64 KiB, one of 0.05 s 8 KiB.
 const SIZES_KIB: [usize; 5] = [4, 16, 64, 256, 1024];
 
-/// Records a second of a run that is paced.
+/// Records per second of a paced run.
 const PACE_PER_S: u32 = 500;
 
 fn measure(bench: &Bench) -> Result<Panel> {
@@ -94,7 +94,7 @@ fn facet(
         title: title.to_owned(),
         cost: Quantity::log("Processor time of a record, three processes", "\u{b5}s"),
         error: Quantity::log(error, "\u{b5}s"),
-        // A scheduler's times: what differs by less than 20 us is no difference.
+        // Scheduling adds noise: differences of less than 20 us do not count.
         tolerance: Tolerance { cost: 0.25, error: 20.0 },
         truth: "every record arrives whole and in order, or the run fails".to_owned(),
         seeds: vec![bench.seed],

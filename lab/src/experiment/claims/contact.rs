@@ -1,4 +1,4 @@
-//! Section 5.4: a tap of a sound place beside one over a crack.
+//! Section 5.4: a tap of a sound place compared with one over a crack.
 
 use anyhow::Result;
 use tapline_draw::stats::{mean, median};

@@ -26,7 +26,7 @@ fn peak(tap: &Tap) -> Option<f64> {
     Some(tap.peak_v)
 }
 
-/// Median of the sound places, largest value and range of the peak of the sound around a ring. Sound is what is no crack's
+/// Median of the sound places, largest value and range of the peak of the sound around a ring. Sound places have no crack
 /// at x = 0: an offset does not change where the planted cracks are.
 fn peaks(turn: &[&Tap], at_edge: &[&Tap]) -> Result<(f64, f64, f64)> {
     let sound = turn.iter().zip(at_edge).filter(|(_, edge)| !edge.is_cracked()).map(|(tap, _)| tap.peak_v);

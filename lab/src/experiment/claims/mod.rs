@@ -42,13 +42,13 @@ pub(super) struct Claim {
     pub place: &'static str,
     /// The claim in our words.
     pub claim: &'static str,
-    /// What is measured of it.
+    /// What is measured.
     pub quantity: &'static str,
-    /// What the dissertation gives for that, empty where it gives nothing.
+    /// The dissertation's value of that; empty if it gives none.
     pub dissertation: &'static str,
     pub ours: String,
     pub agrees: Agrees,
-    /// What agreement needs, and what of it the simulation was built to show; true whatever is found.
+    /// What agreement needs, and what of it was built into the simulation; true for any result.
     pub remark: &'static str,
 }
 
@@ -105,7 +105,7 @@ fn digits(value: f64) -> String {
     format!("{value:.places$}")
 }
 
-/// Values to three digits each, between `joint`.
+/// Values to three digits each, joined by `joint`.
 fn list(values: &[f64], joint: &str) -> String {
     values.iter().map(|&value| digits(value)).collect::<Vec<_>>().join(joint)
 }
@@ -139,7 +139,7 @@ fn extreme(values: impl IntoIterator<Item = f64>, sign: f64) -> Result<f64> {
     known(values.into_iter().max_by(|a, b| (sign * a).total_cmp(&(sign * b))))
 }
 
-/// Whether every value is above the last.
+/// Whether every value is above the one before.
 fn rises(values: &[f64]) -> bool {
     values.windows(2).all(|pair| pair[1] > pair[0])
 }
@@ -148,7 +148,7 @@ fn rises(values: &[f64]) -> bool {
 mod tests {
     use super::*;
 
-    /// Catches digits lost or made up.
+    /// Catches lost or invented digits.
     #[test]
     fn numbers_have_three_digits() {
         assert_eq!(list(&[0.0, 1.2345, 12.345, 1234.5, 0.012_345, -0.5], " "), "0 1.23 12.3 1234 0.0123 -0.500");

@@ -9,7 +9,7 @@ use super::dot;
 use tapline_draw::axes::{Axis, Chart, Frame, axes};
 use tapline_draw::boxplot::BoxStats;
 
-/// Half the width of a box, of the room a group has.
+/// Half the width of a box, as a fraction of a group's.
 const HALF: f64 = 0.28;
 
 /// A group of values.

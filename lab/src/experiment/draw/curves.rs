@@ -10,10 +10,10 @@ use tapline_draw::axes::{Axis, Frame, axes};
 /// One curve.
 #[derive(Debug, Clone)]
 pub(in crate::experiment) struct Curve {
-    /// A point that is no number parts it.
+    /// A NaN point interrupts it.
     pub points: Vec<Point>,
     pub color: RGBColor,
-    /// Of the line, or radius of the dots, in pixels.
+    /// Width of the line or radius of the dots, pixels.
     pub width: f64,
     /// Dots in place of a line.
     pub has_dots: bool,

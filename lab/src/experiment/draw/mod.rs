@@ -97,10 +97,10 @@ impl Picture {
         let rows = self.plots.len().div_ceil(self.columns);
         let height = HEAD + rows as f64 * self.row_height() + EDGE;
         let svg = canvas::svg((WIDTH as u32, height.ceil() as u32), |area| self.draw(area))?;
-        // Neighbours in a map would be parted by a line of half-covered pixels.
+        // Otherwise lines of half-covered pixels would separate neighbours in a map.
         let has_map = self.plots.iter().any(|plot| matches!(plot.content, Content::Map(_)));
         let svg = if has_map { svg.replacen("<svg ", "<svg shape-rendering=\"crispEdges\" ", 1) } else { svg };
-        // Written out by the library, and so by default.
+        // The library writes out these default values.
         Ok(svg.replace(" opacity=\"1\"", "").replace(" stroke=\"none\"", ""))
     }
 
@@ -202,7 +202,7 @@ impl Plot {
 }
 
 impl Content {
-    /// From the least to the greatest value, with some air; bars begin at zero.
+    /// From the least to the greatest value, with a margin; bars begin at zero.
     fn range(&self) -> Point {
         let mut values: Vec<f64> = match self {
             Self::Curves { curves, .. } => curves.iter().flat_map(|c| c.points.iter().map(|p| p.1)).collect(),

@@ -1,4 +1,4 @@
-//! Figs. 60 to 62: what the location and the velocity of impact do.
+//! Figs. 60 to 62: effects of the location and the velocity of impact.
 
 use tapline_draw::canvas::number;
 use tapline_draw::palette::COLORS;

@@ -105,8 +105,8 @@ pub(super) fn repeatability(experiment: &Experiment) -> Figure {
     Figure { picture, table }
 }
 
-/// Nor_RMSE of two turns (Eq. 54); and, of the sound locations, the part of their standard deviation that is not the
-/// location's: that within a location over that of all.
+/// Nor_RMSE of two turns (Eq. 54); and, for the sound locations, the ratio of two standard deviations: that within a
+/// location over that of all locations.
 pub(in crate::experiment) fn repeats(turns: &[Vec<&Tap>; 2], which: Discriminator) -> (Option<f64>, Option<f64>) {
     let [first, second] = turns;
     let is_sound = |pair: &(&&Tap, &&Tap)| !pair.0.is_cracked();

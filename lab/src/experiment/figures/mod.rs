@@ -28,7 +28,7 @@ pub(super) const SIX: [Discriminator; 6] = {
 #[derive(Debug, Clone)]
 pub(super) struct Figure {
     pub picture: Picture,
-    /// In SI units but for angles and offsets, as everywhere in the program. Its name is that of the picture's file too.
+    /// In SI units except angles and offsets, as everywhere in the program. The picture's file has its name too.
     pub table: Table,
 }
 

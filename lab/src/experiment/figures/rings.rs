@@ -1,4 +1,4 @@
-//! Figs. 63, 64, 70, 71 and 73 to 76: what is found around the ring.
+//! Figs. 63, 64, 70, 71 and 73 to 76: results around the ring.
 
 use tapline_draw::canvas::number;
 use tapline_draw::palette::COLORS;

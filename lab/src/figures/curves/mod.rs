@@ -1,4 +1,4 @@
-//! The figures in which the dissertation draws its theory, as numbers: its closed form, and the rungs that are truer.
+//! The dissertation's figures of its theory, as numbers: its closed form, and the more accurate rungs.
 
 mod plans;
 mod quantity;
@@ -10,7 +10,7 @@ use tapline_model::{Error, Rung};
 pub(super) struct Figure {
     /// Its number in the dissertation.
     pub number: u8,
-    /// What is drawn over what, and where.
+    /// What is drawn, and for which block.
     pub title: &'static str,
     /// What is varied.
     pub x: Axis,
@@ -36,7 +36,7 @@ pub(super) struct Axis {
 /// One quantity on one rung, over what the figure varies.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Curve {
-    /// What it differs by from the others of the figure: the factor that is varied, or the crack.
+    /// What distinguishes it from others in the figure: the factor that is varied, or the crack.
     pub name: &'static str,
     /// The rung that it is computed by; `Closed` is what the dissertation drew.
     pub rung: Rung,
@@ -57,22 +57,22 @@ pub(super) struct Point {
 }
 
 impl Figure {
-    /// Numbers of the figures that there are.
+    /// Numbers of the available figures.
     pub(super) const NUMBERS: [u8; 19] = [11, 12, 13, 16, 17, 18, 19, 20, 22, 23, 24, 25, 26, 27, 31, 32, 36, 37, 38];
 }
 
 /// Figure `number` of the dissertation.
 ///
-/// The closed form comes with the truer rungs: of a block without a crack the damped contact (e = 0.5), of one with a
+/// The closed form comes with more accurate rungs: without a crack the damped contact (e = 0.5), with a
 /// crack the plate in time and the full rung, all with exact damping. Their numbers are those of
 /// [`Rung::contact`]; their duration is the contact's own. The flexural energy loss of the rungs in time is 1 - e^2
-/// (Eq. 3) of an impact whose contact loses nothing (e = 1), so that the layer has taken all that is missing.
+/// (Eq. 3) of an impact whose contact loses nothing (e = 1), so that all lost energy is in the layer.
 ///
 /// As [`Impact::plate`](tapline_model::Impact::plate) has it, K_c of the rungs in time is that of the baseline's masses: under
-/// the factor m_1 they show what the mass alone does.
+/// the factor m_1 they show the effect of the mass alone.
 ///
 /// # Errors
-/// [`Error::NoFigure`] for a number that is none of [`Figure::NUMBERS`]; [`Error::TooStiff`] when an integration does
+/// [`Error::NoFigure`] for a number that is not in [`Figure::NUMBERS`]; [`Error::TooStiff`] when an integration does
 /// not end.
 pub(super) fn figure(number: u8) -> Result<Figure, Error> {
     let plan = plans::plan(number).ok_or(Error::NoFigure { number })?;

@@ -27,7 +27,7 @@ pub(super) struct Family {
 /// What is varied, and how far.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Abscissa {
-    /// Factor N upon one quantity of the baseline, 0.1 to 2 as in the tables.
+    /// Factor N on one quantity of the baseline, 0.1 to 2 as in the tables.
     Factor,
     /// Impact velocity, up to 10 m/s: the text reads 8 m/s off Fig. 22.
     Velocity,
@@ -105,7 +105,7 @@ pub(super) fn plan(number: u8) -> Option<Plan> {
 
 /// Factors of the model without a crack.
 const INTEGRAL: [&str; 5] = ["v_i", "m_1", "m_2", "e_1", "e_2"];
-/// Factors of Figs. 16 to 18, from which the text leaves out the two that do nothing.
+/// Factors of Figs. 16 to 18, from which the text omits the two without effect.
 const DEFECT: [&str; 5] = ["v_i", "m_1", "e_2", "h", "l"];
 /// Depths and lengths of the samples' cracks (section 4.2.1), named as the figures name them.
 const SHALLOW: (&str, f64) = ("h = 12.7 mm", 12.7e-3);

@@ -36,7 +36,7 @@ pub(super) const DEFORMATION: Axis = Axis { name: "d_max_m", label: "Deformation
 pub(super) const LOSS: Axis = Axis { name: "lambda_f", label: "Flexural energy loss", unit: "", per_si: 1.0 };
 
 impl Subject {
-    /// The closed form, and the rungs that are truer.
+    /// The closed form, and the more accurate rungs.
     pub(super) fn rungs(self) -> &'static [Rung] {
         match self {
             Self::Sound => &[Rung::Closed, Rung::Integral],

@@ -1,4 +1,4 @@
-//! Marks of eight shapes, the same on a line and beside its name.
+//! Marks of eight shapes, the same on a line and next to its name.
 
 use plotters::prelude::*;
 

@@ -1,4 +1,4 @@
-//! A curve as a picture: error on a logarithmic axis, one colour and one mark a column, and grey where a flag is raised.
+//! A curve as a picture: error on a logarithmic axis, a colour and a mark per column, and grey where a flag is raised.
 
 mod marks;
 
@@ -14,15 +14,15 @@ use super::curves::{Curve, Row};
 
 /// Size of a picture.
 const SIZE: (u32, u32) = (1070, 560);
-/// Right edge of the axes; the names stand behind it.
+/// Right edge of the axes; the names are right of it.
 const RIGHT: i32 = 700;
 /// Height of the first name, and from one to the next.
 const NAMES: (i32, i32) = (76, 28);
-/// Most powers of ten that an axis has: what is below is drawn on its lowest line.
+/// Most powers of ten of an axis: smaller errors are drawn on its lowest line.
 const DECADES_MAX: f64 = 7.0;
 /// Room above the greatest error, as a power of ten.
 const ABOVE: f64 = 0.15;
-/// Every which point has a mark, where there are many.
+/// Most points of a column that have a mark.
 const MARKED: usize = 16;
 /// Okabe and Ito's colours, which colour-blind people distinguish, with black and grey as the last.
 const COLOURS: [RGBColor; 8] = [
@@ -35,7 +35,7 @@ const COLOURS: [RGBColor; 8] = [
     RGBColor(0, 0, 0),
     RGBColor(110, 110, 110),
 ];
-/// Ground where a flag is raised.
+/// Background where a flag is raised.
 const FLAGGED: RGBColor = RGBColor(228, 228, 228);
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
@@ -89,12 +89,12 @@ impl Scale {
         Some(Self { is_x_log: curve.is_x_log, x: (place(first.x), place(last.x)), powers: (low, high) })
     }
 
-    /// Where a value stands on the axis.
+    /// Where a value is on the axis.
     fn place(&self, x: f64) -> f64 {
         if self.is_x_log { x.log10() } else { x }
     }
 
-    /// Where an error stands; what is too small for the axis stands on its lowest line.
+    /// Where an error is; one that is too small for the axis is on its lowest line.
     fn level(&self, error: f64) -> f64 {
         let (low, high) = self.powers;
         if error > 0.0 { error.log10().clamp(low, high) } else { low }
@@ -124,12 +124,12 @@ fn draw_axes(curve: &Curve, chart: &mut Chart<'_>) -> Drawn {
     Ok(())
 }
 
-/// Draws the ground of the places at which a flag is raised; the flags, in the order in which they come.
+/// Draws the background of places at which a flag is raised; returns the flags in order of appearance.
 fn draw_flags(curve: &Curve, scale: &Scale, chart: &mut Chart<'_>) -> Result<Vec<String>, Box<dyn std::error::Error>> {
     let mut flags: Vec<String> = Vec::new();
     let (low, high) = scale.powers;
     let places: Vec<f64> = curve.rows.iter().map(|row| scale.place(row.x)).collect();
-    // Each place reaches half-way to those beside it.
+    // Each place reaches half-way to its neighbours.
     let halfway = |a: usize, b: usize| match (places.get(a), places.get(b)) {
         (Some(a), Some(b)) => f64::midpoint(*a, *b),
         (Some(a), None) | (None, Some(a)) => *a,
@@ -151,12 +151,12 @@ fn draw_column(curve: &Curve, number: usize, scale: &Scale, chart: &mut Chart<'_
     let colour = COLOURS[number % COLOURS.len()];
     let at = |row: &Row| (scale.place(row.x), row.errors[number]);
     let points: Vec<(f64, f64)> = curve.rows.iter().map(at).collect();
-    // An absent value parts the line.
+    // An absent value interrupts the line.
     for run in points.split(|(_, error)| !error.is_finite()).filter(|run| !run.is_empty()) {
         let line: Vec<(f64, f64)> = run.iter().map(|&(x, e)| (x, scale.level(e))).collect();
         chart.draw_series([PathElement::new(line, colour.stroke_width(2))])?;
     }
-    // Of many points few have a mark, each column at others, so that lines which lie on each other show both.
+    // Of many points few have a mark, different ones in each column, so that lines on each other both show.
     let step = points.len().div_ceil(MARKED);
     let is_marked = |k: usize| step == 1 || k % step == number % step;
     for &(x, error) in points.iter().enumerate().filter(|(k, _)| is_marked(*k)).map(|(_, point)| point) {
@@ -167,7 +167,7 @@ fn draw_column(curve: &Curve, number: usize, scale: &Scale, chart: &mut Chart<'_
     Ok(())
 }
 
-/// The names of the columns, each behind its line and mark, and what the grey ground means.
+/// The names of the columns, each after its line and mark, and what the grey background means.
 fn draw_names(curve: &Curve, scale: &Scale, flags: &[String], root: &Area<'_>) -> Drawn {
     let style = ("sans-serif", 16).into_font().color(&BLACK).pos(Pos::new(HPos::Left, VPos::Center));
     let (left, step) = (RIGHT + 16, NAMES.1);
@@ -219,7 +219,7 @@ fn in_words(column: &str) -> String {
     .to_owned()
 }
 
-/// A number as an axis wants it, to two digits.
+/// A number for an axis, to two digits.
 fn number(x: f64) -> String {
     let text = |digits: usize| format!("{x:.digits$}").trim_end_matches('0').trim_end_matches('.').to_owned();
     match x.abs() {

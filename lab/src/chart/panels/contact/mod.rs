@@ -26,7 +26,7 @@ pub(super) const ENTRY: Entry = Entry {
 /// The simulated rig's own tolerance: a layer that changes less is left out.
 const RIG_TOLERANCE: f64 = 1e-3;
 
-/// Of the errors of a seed's contacts, the one that nine in ten do not exceed.
+/// The quantile of a seed's errors that is shown: nine in ten contacts have less.
 const SHARE: f64 = 0.9;
 
 /// Which contacts are drawn.
@@ -34,7 +34,7 @@ const SHARE: f64 = 0.9;
 enum Places {
     /// Over cracks 2 to 12 mm deep.
     Shallow,
-    /// As casings have them: layers of 4 to 250 mm, mostly thick, as most places are sound.
+    /// As in casings: layers of 4 to 250 mm, mostly thick, because most places are sound.
     Any,
 }
 
@@ -173,7 +173,7 @@ fn ladder(bench: &Bench, places: Places, name: &'static str, title: &str) -> Res
     })
 }
 
-/// What `way` does where models end.
+/// What `way` fails where models end.
 fn failures(way: Way) -> Result<Vec<Failure>> {
     let film = Scene { h_m: 1e-3, ..Scene::default() };
     let truth = Solved::new(&Impact::full(&film)?).quantities()[0];
@@ -195,7 +195,7 @@ fn failures(way: Way) -> Result<Vec<Failure>> {
 enum Rule {
     /// It computes every layer.
     Every,
-    /// It leaves out those known to change nothing by more.
+    /// It leaves out layers known to change nothing by more.
     Within(f64),
     /// It leaves out all.
     None,

@@ -1,4 +1,4 @@
-//! The slow twin: the equations of an impact, solved in small steps of equal length. It shares no program text with `model`.
+//! The slow twin: the equations of an impact, solved in small steps of equal length. It shares no code with `model`.
 
 use tapline_model::Impact;
 
@@ -28,7 +28,7 @@ impl Solved {
         Self::by(impact, -1.0)
     }
 
-    /// By a' = x_1' + `sign` x_2', in which Eq. 7 prints a plus.
+    /// With a' = x_1' + `sign` x_2', in which Eq. 7 prints a plus.
     pub(super) fn by(impact: &Impact, sign: f64) -> Self {
         let v0 = impact.velocity_m_per_s;
         let unit_s = (impact.mass_kg.powi(2) / (impact.k_c_n_per_m1_5.powi(2) * v0)).powf(0.2);
@@ -49,12 +49,12 @@ impl Solved {
             if gap > 0.0 {
                 (solved.contact_time_s, solved.restitution) = (time_s, -motion.v[0] / v0);
             } else if gap_before > 0.0 {
-                // The instant at which they part, on the straight between the steps.
+                // The instant at which they part, interpolated between the steps.
                 let part = gap_before / (gap_before - gap);
                 solved.contact_time_s = time_s - dt + part * dt;
                 solved.restitution = -(before.v[0] + part * (motion.v[0] - before.v[0])) / v0;
             }
-            // Nothing that holds the layer, or everything, and the impactor leaves for good.
+            // From a target that does not move, the impactor leaves for good.
             let is_gone = gap <= 0.0 && motion.v[0] < 0.0 && impact.plate.is_none();
             if is_gone {
                 break;
@@ -117,7 +117,7 @@ mod tests {
     use super::*;
     use tapline_model::{DampingLaw, Rung, Scene};
 
-    /// Catches a twin that is no truth: two programs that share no text agree on all four quantities, also over a crack that
+    /// Catches a wrong twin: two programs that share no code agree on all four quantities, also over a crack that
     /// strikes the impactor again.
     #[test]
     fn two_programs_agree() {

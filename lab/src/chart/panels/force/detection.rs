@@ -1,4 +1,4 @@
-//! What estimators of tau are worth to detection by tau alone.
+//! How well tau alone detects cracks with each of its estimators.
 
 use anyhow::{Context as _, Result};
 use tapline_plate::ScanShape;
@@ -20,7 +20,7 @@ const SCENE: Scene = Scene::FaintSmooth;
 /// A location: its seed and casing, a score, and whether there is a crack.
 type Place = (u64, String, f64, bool);
 
-/// tau of every location, by each of `ways`.
+/// tau of every location, read in each of `ways`.
 fn found(bench: &Bench, simulator: Simulator, ways: &[Way]) -> Result<Vec<Vec<Place>>> {
     let shape = ScanShape {
         offsets_mm: vec![0.0],
@@ -46,7 +46,7 @@ fn found(bench: &Bench, simulator: Simulator, ways: &[Way]) -> Result<Vec<Vec<Pl
     Ok(found)
 }
 
-/// tau alone, by each of `ways`.
+/// tau alone, read in each of `ways`.
 pub(super) fn alone(bench: &Bench, simulator: Simulator, ways: &[Way], costs: &[Cost]) -> Result<Facet> {
     let (name, title) = match simulator {
         Simulator::Plate => ("tau-plate", "tau alone, simulator plate"),

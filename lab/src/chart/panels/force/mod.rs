@@ -20,7 +20,7 @@ use crate::simulated::Simulator;
 pub(super) const ENTRY: Entry =
     Entry { name: "force", expected_s: |size| if size.is_full { 40.0 } else { 3.0 }, uses_casings: false, measure };
 
-/// Pulses of which the error is: those of a contact that runs in time, on sound rubber and over cracks.
+/// Pulses whose errors are shown: those of the contact models that run in time, on sound rubber and over cracks.
 const PULSES: [&str; 3] = ["integral", "plate", "full"];
 /// The rig's sample rate, and one at which a pulse has ten samples.
 const RATE_HZ: u32 = 40_960;
@@ -72,7 +72,7 @@ fn cell(signal: &str, rate_hz: u32, snr_db: Option<u32>) -> Cell {
     Cell { table: "force".to_owned(), signal: signal.to_owned(), rate_hz, snr_db, fault: String::new() }
 }
 
-/// The row of `way` in what was measured of a cell.
+/// The row of `way` among the measured rows of a cell.
 fn row_of<'a>(rows: &'a [Row], way: &Way) -> Result<&'a Row> {
     rows.iter()
         .find(|row| row.estimator == way.name && row.quantity == way.quantities[0].column())
@@ -113,13 +113,13 @@ fn against_truth(bench: &Bench, (name, title): (&'static str, &str), ways: &[Way
     })
 }
 
-/// The limits that the estimator of `which`, F_max or tau, in `config` does not keep.
+/// The limits that the estimator of `which`, F_max or tau, in `config` fails.
 pub(super) fn of_estimator(bench: &Bench, which: Discriminator, config: &ProcessConfig) -> Result<Vec<Failure>> {
     let is_it = |way: &Way| (way.config.f_max, way.config.tau) == (config.f_max, config.tau);
     ways(which).into_iter().find(is_it).map_or(Ok(Vec::new()), |way| failures(bench, &way))
 }
 
-/// What an estimator does of a pulse of ten samples, and over a crack.
+/// What an estimator fails on a pulse of ten samples, and over a crack.
 fn failures(bench: &Bench, way: &Way) -> Result<Vec<Failure>> {
     let effort = Effort { seed: bench.seed, taps: bench.size.pulses };
     let bias = |pulse: &str, rate_hz, snr_db| -> Result<f64> {

@@ -83,7 +83,7 @@ enum What {
     Converter,
 }
 
-/// The point of `heard`, which is the way number `place`, as `simulator` has its casings.
+/// The point of `heard`, which is the way number `place`, on casings of `simulator`.
 pub(super) fn point(
     bench: &Bench,
     heard: &Heard,
@@ -101,7 +101,7 @@ pub(super) fn point(
             .default_if(heard.is_default)
     };
     if of(None).any(|f| f.judged[place].is_none()) {
-        // Of a scene there is no index at all: half of its pairs are ranked rightly, by chance.
+        // A scene without any index: half of its pairs are ranked correctly, by chance.
         let error = Error { value: 0.5, low: 0.5, high: 0.5, by_seed: bench.seeds().map(|_| 0.5).collect() };
         let failure = Failure { case: "scenes in which such records make no reference", measured: 1.0, limit: 0.0 };
         return Ok(new(error, 0).failing(vec![failure]));

@@ -47,7 +47,7 @@ pub(in crate::chart::panels) struct Heard {
     pub family: usize,
     pub is_default: bool,
     pub rate_hz: f64,
-    /// Of the record that the rig makes.
+    /// Length of the rig's record.
     pub record_s: f64,
     pub reading: Reading,
 }
@@ -84,7 +84,7 @@ impl Heard {
     pub(in crate::chart::panels) fn lengths() -> Vec<Self> {
         let default_s = default_record_s();
         let length = |record_s: f64| {
-            // Of the longest record all is read.
+            // The longest record is read whole.
             let record_used_s = if record_s < RECORD_S { record_s } else { 0.0 };
             Self {
                 name: format!("records of {record_s} s"),
@@ -118,7 +118,7 @@ impl Heard {
                 format!("{:.0} kHz", rate_hz / 1e3)
             },
             rate_hz,
-            // The simulator `plate` gives numbers: they are rounded as a converter of 16 bits does.
+            // The simulator `plate` gives floats: they are rounded as by a converter of 16 bits.
             reading: Reading { bits: Some(16), ..Reading::default() },
             ..plain.clone()
         };
@@ -126,7 +126,7 @@ impl Heard {
         [RATE_HZ].into_iter().chain(rates.iter().copied()).map(rate).chain(BITS.map(bits)).collect()
     }
 
-    /// The stability limits that it does not keep.
+    /// The stability limits that it fails.
     pub(in crate::chart::panels) fn failures(&self) -> Vec<Failure> {
         if self.record_s < RECORD_S { Vec::new() } else { stability::of_spectrum(&self.reading.process) }
     }
@@ -138,14 +138,14 @@ impl Heard {
     }
 }
 
-/// What a way costs, a tap.
+/// Cost of a way, per tap.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::chart::panels) struct HeardCost {
     pub bytes_kib: Cost,
     pub cpu_us: Cost,
 }
 
-/// A tap of `model`, as the line has it.
+/// A tap of `model`, as on a line.
 struct Tap {
     header: TapHeader,
     counts: Vec<i16>,
@@ -167,7 +167,7 @@ pub(in crate::chart::panels) fn costs(bench: &Bench, heard: &[Heard]) -> Result<
     Ok(bytes.zip(cpu).map(|(bytes_kib, cpu_us)| HeardCost { bytes_kib, cpu_us }).collect())
 }
 
-/// Records as a rig would make them that records no more than `heard` reads.
+/// Records of a rig that records no more than `heard` reads.
 fn taps(bench: &Bench, heard: &Heard) -> Result<Vec<Tap>> {
     let scan = ScanConfig { seed: bench.seed, ..ScanConfig::default() };
     let simulation = SimulationConfig {

@@ -15,16 +15,16 @@ use crate::simulated::{
 /// Cracked scenes; those of an entry share a population. A short chart has the first alone.
 pub(in crate::chart::panels) const ALL: [&[Scene]; 3] =
     [&[Scene::FaintSmooth, Scene::StrongSmooth], &[Scene::FaintRough, Scene::StrongRough], &[Scene::FaintNoise]];
-/// Those in which a converter can be told from another.
+/// The scenes that show a difference between converters.
 pub(in crate::chart::panels) const FAINT: [&[Scene]; 2] = [&[Scene::FaintSmooth], &[Scene::FaintNoise]];
 
-/// What the ways find of one scene and seed.
+/// What the ways find in one scene and seed.
 #[derive(Debug)]
 pub(in crate::chart::panels) struct Found {
     pub simulator: Simulator,
     pub scene: Scene,
     pub seed: u64,
-    /// By the number of the way; nothing where such records make no reference.
+    /// By the number of the way; `None` if such records make no reference.
     pub judged: Vec<Option<Vec<Judged>>>,
 }
 
@@ -39,8 +39,8 @@ impl Found {
     }
 }
 
-/// Every scene of `populations` and every seed by both simulators, as each of `heard` hears it; `tick` is told which part of them
-/// is done.
+/// Every scene of `populations` and every seed of both simulators, as each of `heard` reads it; `tick` gets the fraction
+/// done.
 pub(in crate::chart::panels) fn found(
     bench: &Bench,
     heard: &[Heard],

@@ -1,4 +1,4 @@
-//! The area by the length of the record, for every scene of both simulators and every set of the study.
+//! The AUC by the length of the record, for every scene of both simulators and every set of the study.
 
 use anyhow::{Context as _, Result};
 
@@ -11,7 +11,7 @@ use crate::simulated::Simulator;
 use crate::statistics::mean_interval;
 use crate::study::by_readings;
 
-/// What the shortest length that loses nothing is compared with.
+/// The short length that is compared with the whole record.
 const SHORT_S: f64 = 0.05;
 
 pub(super) fn by_length(bench: &Bench, heard: &[Heard], found: &[Found]) -> Result<Table> {
