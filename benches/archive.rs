@@ -146,7 +146,7 @@ fn codecs(scan: &Scan, folder: &Path) -> Result<Vec<Row>> {
         let least = quantile(&mut ratios, 0.0);
         let aim = if codec == Codec::Lz4 { ">= 0.9" } else { "" };
         rows.push(
-            Row::new(format!("archive, `{codec}`"), "us a tap", &of_tap(&ours))
+            Row::new(format!("archive, `{codec}`"), "us per tap", &of_tap(&ours))
                 .beside("of the speed of write and fdatasync", Spread::of_ratio(&theirs, &ours), aim)
                 .beside("of it in the slowest round", Spread { median: least, low: least, high: least }, aim),
         );
@@ -226,7 +226,7 @@ fn reprocessing(scan: &Scan, archive: &Reader, record_s: f64, aim: &str) -> Resu
     let found: Vec<f64> = open.iter().zip(&both).map(|(open, both)| open + both).collect();
     let all: Vec<f64> = found.iter().zip(&fuse).map(|(found, fuse)| found + fuse).collect();
     Ok(vec![
-        Row::new(format!("judging a casing again{what}"), "us a tap", &all)
+        Row::new(format!("judging a casing again{what}"), "us per tap", &all)
             .beside(
                 "times as fast as h5py and scipy, discriminators alone",
                 Spread::of_ratio(&peer, &found),

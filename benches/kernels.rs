@@ -51,7 +51,7 @@ const ZAFT: &str = "yardstick: bare transform by zaft";
 const RUSTFFT: &str = "yardstick: bare transform by rustfft (realfft)";
 
 /// Unit of all rows.
-const UNIT: &str = "us a tap";
+const UNIT: &str = "us per tap";
 
 /// One tap as on the line, and its sound alone as floats, for bare transforms.
 struct Tap {

@@ -96,7 +96,7 @@ fn keep(lines: &[Vec<Pace>; 3], halves: &[Pace], replayed: &[Pace], alone: &[f64
         let all = of(paces, &|pace| of_name(pace, 0) + of_name(pace, 1));
         let kernel = of(paces, &|pace| of_name(pace, 1));
         let share = Spread::of_ratio(&kernel, &all);
-        rows.push(Row::new(format!("processor time of {what}"), "us a tap", &all).beside(
+        rows.push(Row::new(format!("processor time of {what}"), "us per tap", &all).beside(
             "of it in the kernel",
             share,
             "",
@@ -109,12 +109,12 @@ fn keep(lines: &[Vec<Pace>; 3], halves: &[Pace], replayed: &[Pace], alone: &[f64
             .map(|(_, [user, kernel])| user + kernel)
             .sum()
     });
-    rows.push(Row::new("processor time without the source", "us a tap", &beside_source).beside(
+    rows.push(Row::new("processor time without the source", "us per tap", &beside_source).beside(
         "of the same work by one process",
         Spread::of_ratio(&beside_source, alone),
         "<= 1.5",
     ));
-    rows.push(Row::new("yardstick: the same work by one process", "us a tap", alone));
+    rows.push(Row::new("yardstick: the same work by one process", "us per tap", alone));
     let sheet = Sheet {
         title: "The line".to_owned(),
         command: "cargo build --release -p tapline && cargo bench -p tapline-bench --bench line".to_owned(),

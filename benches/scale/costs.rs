@@ -130,7 +130,7 @@ impl Costs {
         if let Some(Way { us: [sender, server, collector], taps_per_s }) = &self.way {
             writeln!(
                 text,
-                "On the way to a centre: sender {sender:.1}, server {server:.1}, collector {collector:.1} us a tap; one \
+                "On the way to a centre: sender {sender:.1}, server {server:.1}, collector {collector:.1} us per tap; one \
                  collector, with the server and the sender on the same machine, takes {taps_per_s:.0} taps/s.\n"
             )?;
         }

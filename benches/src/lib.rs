@@ -88,6 +88,20 @@ pub struct Beside {
     pub aim: String,
 }
 
+impl Beside {
+    /// The aim, and whether it is missed; empty if there is none.
+    pub fn aim_text(&self) -> String {
+        let Self { ratio: Spread { median, .. }, aim, .. } = self;
+        let is_met = match aim.split_once(' ').map(|(sign, bound)| (sign, bound.parse::<f64>())) {
+            Some((">=", Ok(bound))) => *median >= bound,
+            Some(("<=", Ok(bound))) => *median <= bound,
+            Some(("<", Ok(bound))) => *median < bound,
+            _ => true,
+        };
+        if is_met { aim.clone() } else { format!("{aim}, missed") }
+    }
+}
+
 impl Row {
     /// `what`, with one of `values` in `unit` per round.
     pub fn new(what: impl Into<String>, unit: &str, values: &[f64]) -> Self {
@@ -121,8 +135,9 @@ impl Sheet {
         println!("\n{}", self.title);
         for Row { what, unit, value, beside } in &self.rows {
             println!("  {what}: {value} {unit}");
-            for Beside { what, ratio, aim } in beside {
-                let aim = if aim.is_empty() { String::new() } else { format!(", aim {aim}") };
+            for compared in beside {
+                let Beside { what, ratio, aim } = compared;
+                let aim = if aim.is_empty() { String::new() } else { format!(", aim {}", compared.aim_text()) };
                 println!("    {ratio} {what}{aim}");
             }
         }

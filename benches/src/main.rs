@@ -47,7 +47,7 @@ fn page(sheets: &[Sheet]) -> Result<String> {
 /// A row, and a line for each further comparison.
 fn lines(row: &Row) -> String {
     let Row { what, unit, value, beside } = row;
-    let cells = |beside: &Beside| format!("{} {} | {}", beside.ratio, beside.what, beside.aim);
+    let cells = |beside: &Beside| format!("{} {} | {}", beside.ratio, beside.what, beside.aim_text());
     let mut rest = beside.iter().map(cells);
     let first = rest.next().unwrap_or_else(|| " | ".to_owned());
     let begin = format!("| {what} | {value} | {unit} | {first} |\n");

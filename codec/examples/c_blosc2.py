@@ -107,7 +107,7 @@ def main():
         samples, tap_bytes = path.read_bytes(), int(tap_bytes)
         taps = [samples[k : k + tap_bytes] for k in range(0, len(samples), tap_bytes)]
         print(f"\n{name}: {len(taps)} taps of {tap_bytes // int(sample_bytes)} samples of {sample_bytes} bytes\n")
-        print("| codec | ratio | pack, us a tap | unpack, us a tap |\n|---|---|---|---|")
+        print("| codec | ratio | pack, us per tap | unpack, us per tap |\n|---|---|---|---|")
         for setting in SETTINGS:
             row(lib, setting, taps, int(sample_bytes))
 

@@ -60,7 +60,7 @@ fn print_table(taps: &TapsOf) {
     let &TapsOf { ref name, sample_bytes, taps: ref all } = taps;
     write_samples(taps);
     println!("\n{name}: {} taps of {} samples of {sample_bytes} bytes\n", all.len(), all[0].len() / sample_bytes);
-    println!("| codec | ratio | pack, us a tap | unpack, us a tap |\n|---|---|---|---|");
+    println!("| codec | ratio | pack, us per tap | unpack, us per tap |\n|---|---|---|---|");
     for codec in [Codec::Lz4, Codec::Zstd] {
         let (mut planes, mut planes_back) = (Vec::new(), Vec::new());
         row(
