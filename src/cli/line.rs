@@ -2,7 +2,6 @@
 
 #[cfg(feature = "serve")]
 use std::net::SocketAddr;
-use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -52,8 +51,8 @@ pub(crate) struct LineArgs {
     #[arg(long)]
     pub json: bool,
     /// End after this many casings.
-    #[arg(long)]
-    pub casings: Option<NonZeroUsize>,
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    pub casings: Option<u32>,
     /// Serve a page of the running line, /metrics and /healthz over HTTP at this address.
     #[cfg(feature = "serve")]
     #[arg(long, value_name = "ADDRESS:PORT", value_parser = address)]

@@ -58,7 +58,7 @@ mod tests {
             ("scan = 3", "`3`, expected a table"),
             ("[[simulation.fault]]\nkind = \"hum\"\nfraction = \"x\"", "\"x\", expected a number"),
             ("[scan]\noffsets_mm = 1.0", "`1.0`, expected a list"),
-            ("[line.modbus]\nlisten = \"host:1\"", "it must be an IP address with a port, like 127.0.0.1:4840"),
+            ("[line.modbus]\nlisten = \"host:1\"", "it must be an IP address with a port, like 127.0.0.1:PORT"),
         ] {
             let refusal = refusal(text);
             assert!(refusal.contains(words) && refusal.contains("line "), "{refusal}");

@@ -2,7 +2,6 @@
 
 use std::fs;
 use std::io::Write as _;
-use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -130,7 +129,7 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     said.iter().for_each(|text| progress.print(text));
     let form = if args.json { Form::Json } else { Form::Full };
     let audience = Audience { progress, wires: Some(wires), form, show };
-    let pace = operate(&setup, &mut folder, audience, args.casings.map(NonZeroUsize::get), stop)?;
+    let pace = operate(&setup, &mut folder, audience, args.casings.map(|count| count as usize), stop)?;
     say_how_it_ended(&pace);
     Ok(pace.left_out.is_empty())
 }

@@ -22,6 +22,9 @@ const UNSTEADY: (usize, Duration) = (3, Duration::from_secs(60));
 /// A stage that has not looked for work for so long is held up: each does at least once a second.
 const SILENT_AFTER: Duration = Duration::from_secs(5);
 
+/// The same before it has for the first time: it reads the reference, opens its files and finds the others.
+const STARTS_WITHIN: Duration = Duration::from_secs(60);
+
 /// A stage of the line, across restarts.
 #[derive(Debug)]
 pub(crate) struct StageProcess {
@@ -34,8 +37,10 @@ pub(crate) struct StageProcess {
     is_killed: Cell<bool>,
     /// Whether it ended because the disk of the archive has failed.
     pub(crate) awaits_disk: bool,
-    /// How often it had looked for work when it last had, and when that was; no time before it has since its start.
-    heard: (u32, Option<Instant>),
+    /// How often it had looked for work when it last had, and when that was, or when it was started.
+    heard: (u32, Instant),
+    /// Whether it has since its start.
+    has_begun: bool,
     is_silent: bool,
     fruitless_restarts: u32,
     /// When it was last restarted, as often as [`UNSTEADY`] counts.
@@ -55,7 +60,8 @@ impl StageProcess {
             is_asked_to_end: Cell::new(false),
             is_killed: Cell::new(false),
             awaits_disk: false,
-            heard: (0, None),
+            heard: (0, Instant::now()),
+            has_begun: false,
             is_silent: false,
             fruitless_restarts: 0,
             restarted_at: VecDeque::new(),
@@ -81,7 +87,8 @@ impl StageProcess {
             .with_context(|| format!("cannot start {}", self.name))?;
         self.child = Some(child);
         self.is_killed.set(false);
-        (self.heard.1, self.is_silent) = (None, false);
+        self.heard.1 = Instant::now();
+        (self.has_begun, self.is_silent) = (false, false);
         Ok(())
     }
 
@@ -147,14 +154,15 @@ impl StageProcess {
     pub(crate) fn hear(&mut self, beats: u32) -> Option<String> {
         let (before, heard_at) = self.heard;
         if beats != before {
-            self.heard = (beats, Some(Instant::now()));
+            self.heard = (beats, Instant::now());
+            self.has_begun = true;
             if std::mem::take(&mut self.is_silent) {
-                let silent_s = heard_at.map_or(0.0, |at| at.elapsed().as_secs_f64());
-                tracing::warn!("{} answers again, after {silent_s:.1} s", self.name);
+                tracing::warn!("{} answers again, after {:.1} s", self.name, heard_at.elapsed().as_secs_f64());
             }
             return None;
         }
-        let is_silent = self.is_running() && heard_at.is_some_and(|at| at.elapsed() > SILENT_AFTER);
+        let patience = if self.has_begun { SILENT_AFTER } else { STARTS_WITHIN };
+        let is_silent = self.is_running() && heard_at.elapsed() > patience;
         if !is_silent || self.is_silent {
             return None;
         }

@@ -224,6 +224,7 @@ fn the_health_is_that_of_the_line() {
     let address = address_of(&mut line);
     let health = || ask(&address, "/healthz", "");
     until("the line is well", || health().code == 200);
+    until("a casing is under way", || sandbox.run("status --out out --json").out.contains("\"archived\":2"));
     for name in ["store", "fuse", "process", "acquire-0"] {
         let process = stage(line.child(), name);
         signal(process, Signal::STOP);

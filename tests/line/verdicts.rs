@@ -1,5 +1,6 @@
 //! What happens with a verdict: it is printed, and a command of the plant is run.
 
+use std::collections::BTreeSet;
 use std::fs;
 
 use rustix::process::Signal;
@@ -47,7 +48,7 @@ fn a_command_that_fails_is_an_alarm() {
     line.interrupt().expect(0);
 }
 
-/// Catches a line that ends because nobody reads its verdicts any more.
+/// Catches a line that ends because nobody reads its verdicts any more, and verdicts that are lost then.
 #[test]
 fn a_line_whose_reader_has_gone_goes_on() {
     let sandbox = Sandbox::new();
@@ -62,5 +63,11 @@ fn a_line_whose_reader_has_gone_goes_on() {
     assert!(status["alarms"].to_string().contains("could not be printed"), "{status}");
     signal(i32::try_from(child.id()).unwrap(), Signal::INT);
     let ended = child.wait().unwrap();
-    assert!(ended.success(), "{:#?}", log.iter().collect::<Vec<_>>());
+    assert_eq!(ended.code(), Some(3), "{:#?}", log.iter().collect::<Vec<_>>());
+    // The next start prints what nobody has read.
+    let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json");
+    let of = |verdict: &Value| verdict["casing"].as_str().unwrap().to_owned();
+    let printed: BTreeSet<String> = line.verdicts(4).iter().map(of).collect();
+    assert_eq!(printed.into_iter().collect::<Vec<_>>(), ["S1-1", "S1-2", "S2-1", "S2-2"]);
+    line.interrupt();
 }

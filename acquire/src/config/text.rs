@@ -79,7 +79,7 @@ const TYPES: [(&str, &str); 9] = [
 pub fn toml_in_words(error: &str) -> String {
     let error = error.trim_end().replace(
         "invalid socket address syntax",
-        "it must be an IP address with a port, like 127.0.0.1:4840, not a host name",
+        "it must be an IP address with a port, like 127.0.0.1:PORT, not a host name",
     );
     let (place, what) = error.rsplit_once('\n').map_or(("", &*error), |(place, what)| (place, what));
     let Some((found, expected)) = what.rsplit_once("expected ") else { return error };

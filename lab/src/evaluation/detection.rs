@@ -50,17 +50,17 @@ impl Detection {
 
     /// Its two rows in a table of [`DETECTION_COLUMNS`].
     pub(crate) fn push(&self, table: &mut Table) {
-        let mut push = |method: &str, sizes: Result<([Option<f64>; 3], AtLeast), String>| {
-            let (sizes, remark) = match sizes {
-                Ok((sizes, targets)) => (sizes, few(targets)),
-                Err(why) => ([None; 3], why),
-            };
+        let mut push = |method: &str, sizes: Result<([Option<f64>; 3], String), String>| {
+            let (sizes, remark) = sizes.unwrap_or_else(|why| ([None; 3], why));
             let head = [self.class.clone().into(), method.into(), self.targets.len().into(), self.found_count().into()];
             table.push(head.into_iter().chain(sizes.map(cell)).chain([remark.into()]));
         };
-        let of_hits = self.hit_miss.as_ref().map(|h| ([h.a50, h.a90, h.a90_95_likelihood], h.targets));
+        let of_hits = self.hit_miss.as_ref().map(|h| ([h.a50, h.a90, h.a90_95_likelihood], few(h.targets)));
         push("hit or miss", of_hits.map_err(ToString::to_string));
-        let of_responses = self.a_hat.as_ref().map(|a| ([a.a50, a.a90, a.a90_95_likelihood], a.targets));
+        let of_responses = self.a_hat.as_ref().map(|a| {
+            let remarks = [few(a.targets), uneven(a)].into_iter().filter(|remark| !remark.is_empty());
+            ([a.a50, a.a90, a.a90_95_likelihood], remarks.collect::<Vec<_>>().join("; "))
+        });
         push("response", of_responses.map_err(ToString::to_string));
     }
 
@@ -104,5 +104,15 @@ fn few(targets: AtLeast) -> String {
         format!("{count} targets; MIL-HDBK-1823A asks for at least {wanted} of them")
     } else {
         String::new()
+    }
+}
+
+/// That the line of responses does not have the scatter that it assumes.
+fn uneven(line: &AHat) -> String {
+    if line.has_even_scatter {
+        String::new()
+    } else {
+        "responses scatter differently at different sizes, which the line does not allow for: use hit or miss"
+            .to_owned()
     }
 }

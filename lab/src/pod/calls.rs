@@ -6,7 +6,7 @@ use tapline_wire::Reasons;
 
 use super::inspected::InspectedShoulder;
 
-/// Reasons from a shoulder's evidence; the others say that something is missing.
+/// Reasons from a shoulder's evidence; the others say that something is missing, or does not fit the reference.
 const EVIDENCE: Reasons =
     Reasons::DAMAGE.union(Reasons::SUSPECT).union(Reasons::LEVEL_OFF).union(Reasons::NO_SOUND_MAJORITY);
 
@@ -19,7 +19,7 @@ pub(super) struct CallRate {
     pub stated: Option<f64>,
     pub calls: usize,
     pub judged: usize,
-    /// Called only because something is missing.
+    /// Called without evidence of damage.
     pub incomplete: usize,
     pub rate: Result<Rate, Refusal>,
 }
@@ -80,7 +80,7 @@ pub(super) fn table(calls: &[CallRate]) -> Table {
         row.push(rate.zip(c.stated).map_or("".into(), |(rate, stated)| yes_or_no(rate.low <= stated)));
         row.push(match rate {
             None => format!("no {} shoulder was inspected", c.kind()).into(),
-            Some(_) if c.incomplete > 0 => format!("{} only because something is missing", c.incomplete).into(),
+            Some(_) if c.incomplete > 0 => format!("{} without evidence of damage", c.incomplete).into(),
             Some(_) => "".into(),
         });
         table.push(row);

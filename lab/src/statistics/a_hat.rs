@@ -24,6 +24,9 @@ const RESPONSES_MIN: usize = 3;
 /// Residuals at or below this part of the responses' own spread are rounding.
 const ROUNDING: f64 = 1e-12;
 
+/// What the square of a standard normal value exceeds in one of 100 cases (scipy.stats.chi2.ppf(0.99, 1)).
+const CHI2_99: f64 = 6.634_896_601_021_213;
+
 /// The standard normal value below which 90 % lie (scipy.stats.norm.ppf).
 const Z_90: f64 = 1.281_551_565_544_600_4;
 
@@ -52,6 +55,9 @@ pub struct AHat {
     /// and the handbook's, by the delta method, in 90 %. `None` where the data admit at this level that larger cracks do
     /// not answer more strongly: then no size is large enough.
     pub a90_95_likelihood: Option<f64>,
+    /// Whether the responses scatter equally at all sizes, as the model has it: n r² with r the correlation of squared residuals with
+    /// ln(size) stays below what it exceeds in one of 100 studies (Koenker, J. Econometrics 17 (1981) 107).
+    pub has_even_scatter: bool,
     /// Targets looked at, against the [`A_HAT_TARGETS`] that are wanted.
     pub targets: AtLeast,
 }
@@ -108,6 +114,13 @@ pub fn a_hat(sizes: &[f64], responses: &[f64], threshold: f64) -> Result<AHat, R
     if !(scatter.is_finite() && scatter > ROUNDING * spread) {
         return Err(Refusal::NoScatter("responses about their line"));
     }
+    let squares: Vec<f64> =
+        log.standard.iter().zip(responses).map(|(&u, &y)| (y - level - per_u * u).powi(2)).collect();
+    let of_squares = |of: &dyn Fn(f64, f64) -> f64| {
+        log.standard.iter().zip(&squares).map(|(&u, &square)| of(u, square - scatter.powi(2))).sum::<f64>() / n
+    };
+    let has_even_scatter =
+        n * of_squares(&|u, excess| u * excess).powi(2) <= CHI2_99 * of_squares(&|_, excess| excess.powi(2));
     let slope = per_u / log.sd;
     if slope <= 0.0 {
         return Err(Refusal::NotRising(slope));
@@ -145,6 +158,7 @@ pub fn a_hat(sizes: &[f64], responses: &[f64], threshold: f64) -> Result<AHat, R
         a50: size_near(mu, looked_at),
         a90: size_near(ln_a90, looked_at),
         a90_95_likelihood: if is_rising { upper_bound(ln_a90, sd, best, through).and_then(size_of) } else { None },
+        has_even_scatter,
         targets: AtLeast { count: sizes.len(), wanted: A_HAT_TARGETS },
     })
 }

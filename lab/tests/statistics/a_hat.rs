@@ -106,7 +106,7 @@ fn the_likelihood_bound_holds_as_often_as_it_says() {
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     // 0.2 + 0.9 ln(a90) - 1.2816 x 0.4 = ln(2).
     let a90 = ((2.0_f64.ln() - 0.2 + 0.4 * 1.281_551_565_544_600_4) / 0.9).exp();
-    let mut held = 0;
+    let (mut held, mut uneven) = (0, 0);
     for _ in 0..2000 {
         let sizes: Vec<f64> = (0..60).map(|_| rng.random_range(-0.7..2.0_f64).exp()).collect();
         let mut response = |size: &f64| {
@@ -116,6 +116,26 @@ fn the_likelihood_bound_holds_as_often_as_it_says() {
         let responses: Vec<f64> = sizes.iter().map(&mut response).collect();
         let fit = a_hat(&sizes, &responses, 2.0_f64.ln()).unwrap();
         held += u32::from(fit.a90_95_likelihood.is_none_or(|bound| bound >= a90));
+        uneven += u32::from(!fit.has_even_scatter);
     }
     assert!((1826..=1894).contains(&held), "{held} of 2000");
+    // One in a hundred is taken to scatter unevenly by chance.
+    assert!((4..=40).contains(&uneven), "{uneven} of 2000");
+}
+
+#[test]
+fn scatter_that_grows_with_size_is_noticed() {
+    // Catches a line over responses whose scatter grows, as those of an index do, that is taken for a good one.
+    let mut rng = ChaCha8Rng::seed_from_u64(6);
+    let mut noticed = 0;
+    for _ in 0..200 {
+        let sizes: Vec<f64> = (0..80).map(|_| rng.random_range(1.4..3.0_f64).exp()).collect();
+        let mut response = |size: &f64| {
+            let noise: f64 = StandardNormal.sample(&mut rng);
+            size.ln() + 0.05 * size * noise
+        };
+        let responses: Vec<f64> = sizes.iter().map(&mut response).collect();
+        noticed += u32::from(a_hat(&sizes, &responses, 2.0).is_ok_and(|fit| !fit.has_even_scatter));
+    }
+    assert!(noticed > 150, "{noticed} of 200");
 }

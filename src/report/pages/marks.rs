@@ -102,7 +102,7 @@ fn nothing(tyre: &Tyre) -> &'static str {
 fn how(tyre: &Tyre, printed: &ReportConfig) -> String {
     match tyre.is_round() {
         true => format!(
-            "Angles are those of the tapped locations on both shoulders, {}; damage may extend half a step farther.",
+            "Angles are those of the tapped locations on both shoulders, {}; the length has half a step more at each end.",
             printed.angles()
         ),
         false => "Numbers are those of the tapped locations.".to_owned(),
@@ -127,12 +127,11 @@ fn place(angle_deg: Option<f64>, mm_per_deg: Option<f64>, location: u32) -> Mark
     }
 }
 
-/// From the first to the last location of a region; a single location has no length.
+/// How long a region is: its locations, each with the half steps beside it.
 fn length(region: &Region, mm_per_deg: Option<f64>) -> Markup {
     let locations = counted(region.extent_locations as usize, "location", "locations");
-    let degrees = region.start_deg.zip(region.end_deg).map(|(start, end)| (end - start).rem_euclid(360.0));
     html! {
-        @match degrees.filter(|_| region.extent_locations > 1) {
+        @match region.extent_deg {
             Some(deg) => {
                 (format!("{deg:.1}°"))
                 @if let Some(mm) = mm_per_deg { span class="at" { (format!("{:.0} mm", mm * deg)) } }
@@ -180,7 +179,7 @@ fn severity(shoulder: &Shoulder, region: &Region) -> String {
     let is_damage = arc >= limits.reject && shoulder.reasons.contains(Reasons::DAMAGE);
     let word = if is_damage { "damage" } else { "suspect" };
     let times = if limits.reject > 0.0 {
-        format!(", {:.1} times the reject limit", arc / limits.reject)
+        format!(", {:.2} times the reject limit", arc / limits.reject)
     } else {
         String::new()
     };

@@ -191,7 +191,7 @@ fn truth(evidence: &Evidence, score: Option<Score>) -> Result<Markup> {
             h2 { "Compared with the truth" }
             (small_figure(pictures, &boxes_words("the whole shift", "at the offset and velocity that are drawn on each tyre's page")))
             @if let Some(score) = score {
-                p { "All taps together, each offset and velocity standardised separately: AUC of the index " (number(score.index)) " over " (score.cracked_count) " cracked and " (score.sound_count) " sound locations; each alone: "
+                p { "All taps together, each offset and velocity standardised separately: AUC of the index " (number(score.index)) " over " (score.cracked_count) " cracked and " (score.sound_count) " sound locations; each alone, also as a mean over three neighbours: "
                     @for (order, (which, alone)) in Discriminator::ALL.into_iter().zip(score.discriminators).enumerate() {
                         @if order > 0 { ", " } (which.printed()) " " (number(alone))
                     } "." }

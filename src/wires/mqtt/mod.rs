@@ -17,6 +17,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Error, Result};
 use tapline_host::connection::User;
+use tapline_host::messages::with_causes;
 use tokio::task::LocalSet;
 use tokio::time::timeout;
 
@@ -132,7 +133,10 @@ impl Lane {
                 Err(error) => error,
             };
             let why: &Error = &why;
-            self.set_trouble(NO_CONNECTION, Some(format!("mqtt: no connection to {}: {why:#}", self.broker)));
+            self.set_trouble(
+                NO_CONNECTION,
+                Some(format!("mqtt: no connection to {}: {}", self.broker, with_causes(why.as_ref()))),
+            );
             if timeout(patience, self.news.ended()).await.is_ok() {
                 return;
             }
