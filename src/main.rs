@@ -102,9 +102,9 @@ fn begin(verb: &Verb) -> anyhow::Result<()> {
     // A write beyond the file size limit then fails with a reason, instead of ending the process without one.
     let is_beyond = Arc::new(AtomicBool::new(false));
     signal_hook::flag::register(rustix::process::Signal::XFSZ.as_raw(), is_beyond)
-        .context("cannot listen to signals")?;
+        .context("cannot listen for signals")?;
     if !ends_in_order(verb) {
-        end_on_signals().context("cannot listen to signals")?;
+        end_on_signals().context("cannot listen for signals")?;
     }
     Ok(())
 }

@@ -25,7 +25,7 @@ const TIME_MAX_S: f64 = 86_400.0;
 pub enum StationSource {
     /// Tap sets that are moved into a folder.
     Folder,
-    /// A rig, over TCP; its taps are simulated.
+    /// A rig, over TCP or a serial port; its taps are simulated.
     Rig,
     /// A sound card that hears taps made by a rig or by hand.
     Alsa,

@@ -16,5 +16,7 @@ export ALSA_CONFIG_PATH="$PWD/asound.conf"
 "$tapline" rig --listen 127.0.0.1:7001 --config "$here/rig.toml" &
 rig=$!
 trap 'kill $rig 2>/dev/null || true' EXIT
+# One that cannot listen, because the port is taken, says so and ends.
+sleep 1 && kill -0 $rig
 "$tapline" line --config "$here/plant.toml" --reference self --out casings --casings 2
 echo "Each casing has its archive in $PWD/casings."

@@ -53,7 +53,7 @@ enum Verb {
     },
     /// Draw the dissertation's figures of the contact theory, as SVG and CSV.
     Figures {
-        /// Folder to write into; made when it is not there.
+        /// Folder to write into; created if it does not exist.
         #[arg(long, default_value = "figures")]
         out: PathBuf,
         /// Number of the figure to draw; all if left out.
@@ -72,7 +72,7 @@ enum Verb {
     },
     /// Draw the breakdown curves: how wrong each discriminator and each contact model gets as a disturbance grows.
     Stability {
-        /// Folder to write into; made when it is not there.
+        /// Folder to write into; created if it does not exist.
         #[arg(long, default_value = "docs/stability")]
         out: PathBuf,
         #[command(flatten)]
@@ -85,7 +85,7 @@ enum Verb {
     },
     /// Write the manual pages, one for each verb.
     Man {
-        /// Folder to write into; made when it is not there.
+        /// Folder to write into; created if it does not exist.
         folder: PathBuf,
         #[command(flatten)]
         force: ForceArgs,
@@ -107,7 +107,7 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     log::start(cli.log, None);
     tapline_host::stdout::drop_unread();
-    match end_on_signals().context("cannot listen to signals").and_then(|()| dispatch(&cli.verb)) {
+    match end_on_signals().context("cannot listen for signals").and_then(|()| dispatch(&cli.verb)) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(INCOMPLETE),
         Err(error) => {

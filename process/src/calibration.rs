@@ -18,8 +18,8 @@ pub struct Blows {
     pub spread: f64,
 }
 
-/// The scale at which blows with these `peaks`, in parts of full scale, had peaks `known_n`; `None` for fewer than two, or for
-/// a peak that is not above 0.
+/// The scale at which blows with these `peaks`, in parts of full scale, had peaks `known_n`; `None` for fewer than two,
+/// for lists of unequal length, or for a peak that is not above 0.
 pub fn of_blows(peaks: &[f64], known_n: &[f64]) -> Option<Blows> {
     let scales: Vec<f64> = peaks.iter().zip(known_n).map(|(peak, known_n)| known_n / peak).collect();
     if scales.len() < 2

@@ -59,7 +59,7 @@ pub(crate) struct UplinkArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct CollectArgs {
-    /// Folder for the files: a folder for each site; made when it is not there.
+    /// Folder for the files: a folder for each site; created if it does not exist.
     pub folder: PathBuf,
     /// The server: nats://HOST:PORT or tls://HOST:PORT, servers of a cluster separated by commas.
     #[arg(long, value_name = "SERVER")]

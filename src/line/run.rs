@@ -174,7 +174,7 @@ fn say_unsupported(job: &Job) {
 
 /// A flag that is set when this process is asked to end.
 fn stop_at_signals() -> Result<Arc<AtomicBool>> {
-    stop_flag().context("cannot listen to signals")
+    stop_flag().context("cannot listen for signals")
 }
 
 /// Runs the line that `setup` describes, until `stop` is set or `count` casings have their verdicts.

@@ -78,7 +78,7 @@ pub(crate) fn stage(args: &StageArgs) -> Result<bool> {
     let reference = setup.reference.clone().filter(|_| args.stage == "fuse");
     let job = Job::of_copy(&setup.config_toml, reference, setup.out.clone())?;
     let join = |role| -> Result<Line> {
-        Ok(Line::join(&address, role, &setup.limits, stop_flag().context("cannot listen to signals")?)?)
+        Ok(Line::join(&address, role, &setup.limits, stop_flag().context("cannot listen for signals")?)?)
     };
     let work = match args.stage.split_once('-') {
         None if args.stage == "process" => {

@@ -32,7 +32,7 @@ pub(crate) fn status(args: &StatusArgs) -> Result<bool> {
         bail!("no line runs on {}", args.out.display());
     };
     let setup = Setup::read(&found.address)?;
-    let stop = stop_flag().context("cannot listen to signals")?;
+    let stop = stop_flag().context("cannot listen for signals")?;
     let line = Line::join(&found.address, Role::Viewer(std::process::id()), &setup.limits, Arc::clone(&stop))?;
     let shown = match Subscriber::<StatusTopic>::open(&line) {
         Ok(shown) => shown,

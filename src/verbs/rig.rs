@@ -25,7 +25,7 @@ pub(crate) fn rig(listen: &str, config: Option<&Path>, as_json: bool) -> Result<
     let listener = TcpListener::bind(listen).with_context(|| format!("cannot listen at {listen}"))?;
     let address = listener.local_addr().context("cannot find the address to listen at")?;
     // Before anybody knows of the rig, and may end it.
-    let stop = stop_flag().context("cannot listen to signals")?;
+    let stop = stop_flag().context("cannot listen for signals")?;
     let listening = json!({ "kind": "listening", "address": address.to_string() });
     print(if as_json { listening.to_string() } else { format!("listening at {address}") })?;
     let report = serve_rig(&listener, &script, &stop)?;

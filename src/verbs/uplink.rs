@@ -81,7 +81,7 @@ fn server(args: &ServerArgs, servers: &str) -> Result<Server> {
 }
 
 fn until(is_once: bool) -> Result<Until> {
-    Ok(Until { stop: stop_flag().context("cannot listen to signals")?, is_once })
+    Ok(Until { stop: stop_flag().context("cannot listen for signals")?, is_once })
 }
 
 /// What is wrong with the archive at `path`; an error if this program cannot tell, or not now.

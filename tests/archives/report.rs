@@ -194,9 +194,8 @@ fn a_page_can_be_signed() {
     }
     let region = &csv_rows(&sandbox.run("export cracked.h5 regions").expect(0).out)[0];
     let deg = |column: &str| region[column].parse::<f64>().unwrap();
-    let length = (deg("end_deg") - deg("start_deg")).rem_euclid(360.0);
     // 3600 mm round the tread are 10 mm a degree.
-    for deg in [deg("start_deg"), deg("end_deg"), length] {
+    for deg in [deg("start_deg"), deg("end_deg"), deg("extent_deg")] {
         assert!(tyre.contains(&format!(">{deg:.1}°<span class=\"at\">{:.0} mm</span>", 10.0 * deg)), "{deg}");
     }
     assert!(tyre.contains("0°: valve") && tyre.contains(" times the rest"));

@@ -343,7 +343,7 @@ impl Ear {
             if state.taps.len() >= TAPS_MAX {
                 state.taps.pop_front();
                 state.loss_count += 1;
-                state.alarm("a tap was heard that nobody took");
+                state.alarm("more taps were heard than the station has asked for");
             }
             state.taps.push_back(tap);
             is_news = true;

@@ -1,4 +1,5 @@
-//! A station whose casings lie on a rig: another process or a machine that speaks `docs/rig-protocol.md` over TCP.
+//! A station whose casings lie on a rig: another process or a machine that speaks `docs/rig-protocol.md`, over TCP
+//! or a serial port.
 //!
 //! The station connects, and reconnects whenever the connection is lost. The rig reports which casing is on it, and
 //! moves and hits on command. The samples of a tap are those that the station's device has recorded since the hit command;

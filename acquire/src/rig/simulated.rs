@@ -86,7 +86,7 @@ struct Rig<'a> {
     script: &'a RigScript,
     stop: &'a AtomicBool,
     player: Option<Player>,
-    /// Decides what happens to casings; no result depends on it.
+    /// Decides what happens to casings, and which velocity a hit has.
     dice: ChaCha8Rng,
     report: RigReport,
     on_it: Option<OnRig>,

@@ -44,7 +44,7 @@ struct Args {
     /// Repetitions that are judged, of the reference and of the scan alike.
     #[arg(long, value_delimiter = ',', default_value = "1,2")]
     repetitions: Vec<u16>,
-    /// Scenes; all when left out.
+    /// Scenes; all if left out.
     #[arg(long, value_delimiter = ',', value_enum)]
     scene: Vec<Scene>,
     /// Groups of casings, each with a seed and a reference of its own.

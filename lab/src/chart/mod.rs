@@ -35,7 +35,7 @@ use self::size::Size;
 /// Options of a chart.
 #[derive(Debug, clap::Args)]
 pub struct ChartArgs {
-    /// Folder to write the page, pictures (SVG) and the table of points (CSV) into; made when it is not there. It is docs/atlas
+    /// Folder to write the page, pictures (SVG) and the table of points (CSV) into; created if it does not exist. It is docs/atlas
     /// if left out; with --panel it must be given.
     #[arg(long)]
     pub out: Option<PathBuf>,
@@ -45,7 +45,7 @@ pub struct ChartArgs {
     /// Measure a little of each, to see that it works.
     #[arg(long)]
     pub quick: bool,
-    /// Panels to measure, by name; all when left out.
+    /// Panels to measure, by name; all if left out.
     #[arg(long, value_delimiter = ',')]
     pub panel: Vec<String>,
     /// Folder of recorded tap sets; if they are missing, what needs them is left out, with a notice.

@@ -44,7 +44,7 @@ pub struct PodArgs {
     /// Print the tables as JSON.
     #[arg(long)]
     pub json: bool,
-    /// Folder to write tables (CSV), figures (SVG) and `page.md` into; made when it is not there.
+    /// Folder to write tables (CSV), figures (SVG) and `page.md` into; created if it does not exist.
     #[arg(long)]
     pub out: Option<PathBuf>,
     /// Whether existing files are replaced.

@@ -100,9 +100,7 @@ pub(super) fn table(repeated: &[GaugeResult]) -> Table {
         ["index", "parts_read", "parts", "rigs"].into_iter().chain(GAUGE_COLUMNS).collect();
     let mut table = Table::new(
         "gauge",
-        "Gauge study: operators are two rigs, repeats whole scans; parts of the total standard deviation in per cent. A verdict \
-         rests on the strongest arc of its shoulder; most locations are sound, and the index of these is scatter in units of \
-         its own standard deviation",
+        "Gauge study: operators are two rigs, repeats whole scans; parts of the total standard deviation in per cent",
         &columns,
     );
     for r in repeated {

@@ -52,7 +52,7 @@ pub struct StudyArgs {
     /// Print the tables as JSON.
     #[arg(long)]
     pub json: bool,
-    /// Folder to write tables (CSV) and figures (SVG) into, with a page beside it; made when it is not there.
+    /// Folder to write tables (CSV) and figures (SVG) into, with a page beside it; created if it does not exist.
     #[arg(long)]
     pub out: Option<PathBuf>,
     /// Whether existing files are replaced.

@@ -118,23 +118,23 @@ quality_config! {
     policies {
         /// A clipped force affects F_max and tau, and with them A_1 and A_2.
         clipped_force = Retake, CLIPPED drops [FMax];
-        /// A clipped sound affects its five features; kept, because the power ratio still told cracked from sound slabs.
+        /// A clipped sound affects its six features; kept, because the power ratio still told cracked from sound slabs.
         clipped_sound = Keep, CLIPPED drops [Pr];
         /// A late trigger affects F_max, tau, A_1 and A_2, and the powers if the record begins within the pulse.
         late_trigger = Retake, LATE_TRIGGER drops [FMax, A2];
         /// A second hit affects every feature: which hit a value belongs to is not known.
         double_hit = Retake, DOUBLE_HIT drops [FMax];
-        /// Too few samples of the pulse affect F_max, tau, A_1 and A_2; too low a rate for the bands affects PR, P_f and E_f.
+        /// Too few samples of the pulse affect F_max, tau, A_1 and A_2; too low a rate for the bands affects those of the spectrum.
         undersampled = Drop, UNDERSAMPLED drops [FMax, Pr];
         /// Hum affects the features of its channel.
         hum = Keep, HUM drops [FMax, Pr];
         /// Noise affects the features of its channel.
         low_snr = Keep, LOW_SNR drops [FMax, Pr];
-        /// Another station's tap affects A_2, PR, P_f and E_f, and A_1 too if it came first.
+        /// Another station's tap affects A_2 and the features of the spectrum, and A_1 too if it came first.
         neighbour = RetakeOrKeep, NEIGHBOUR drops [Pr];
         /// A velocity that is off affects every feature that depends on it: all but PR.
         velocity_off = Keep, VELOCITY_OFF drops [FMax, A2];
-        /// A record that is cut affects A_2, PR, P_f and E_f.
+        /// A record that is cut affects A_2 and the features of the spectrum.
         cut = Retake, CUT drops [Pr];
         /// A dropout affects the features of its channel.
         dropout = Retake, DROPOUT drops [FMax, Pr];

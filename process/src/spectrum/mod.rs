@@ -1,4 +1,4 @@
-//! The sound's spectrum in the bands of the configuration: PR, P_f and E_f.
+//! The sound's spectrum in the bands of the configuration: PR, P_f, E_f and the centroid.
 //!
 //! The power spectral density is the one-sided boxcar periodogram of the whole record with its mean removed,
 //! as `scipy.signal.periodogram(x, fs, window="boxcar", detrend="constant", scaling="density")` defines it.
@@ -68,7 +68,7 @@ impl<T: Real> Spectrum<T> {
         Self { plans: Plans::new() }
     }
 
-    /// PR, P_f and E_f of `signal`, whose mean and mean square are `moments`, computed as `view` says. Overwrites the
+    /// PR, P_f, E_f and the centroid of `signal`, whose mean and mean square are `moments`, computed as `view` says. Overwrites the
     /// signal.
     ///
     /// `None` if a band has no bin, if the reference band has no power, or if the flexural band has no more than noise.

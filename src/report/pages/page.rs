@@ -261,7 +261,7 @@ fn between(times_ns: impl Iterator<Item = i64>) -> String {
     let (unknown, known): (Vec<i64>, Vec<i64>) = times_ns.partition(|&time_ns| time_ns == 0);
     let others = if unknown.is_empty() { "" } else { ", some at a time that was not recorded" };
     match known.iter().min().zip(known.iter().max()) {
-        None if unknown.is_empty() => "not yet".to_owned(),
+        None if unknown.is_empty() => "at no time yet".to_owned(),
         None => "at a time that was not recorded".to_owned(),
         Some((first, last)) if first == last => format!("{}{others}", words::moment(*first)),
         Some((first, last)) => format!("{} to {}{others}", words::moment(*first), words::moment(*last)),
@@ -280,7 +280,7 @@ mod tests {
             [vec![], vec![0, 0], vec![one], vec![two, one], vec![0, two, one]].map(|all| between(all.into_iter()));
         let range = "2026-01-01 00:00:00 UTC to 2026-01-01 00:00:40 UTC";
         let unknown = "at a time that was not recorded";
-        assert_eq!(said[..4], ["not yet", unknown, "2026-01-01 00:00:00 UTC", range]);
+        assert_eq!(said[..4], ["at no time yet", unknown, "2026-01-01 00:00:00 UTC", range]);
         assert_eq!(said[4], format!("{range}, some {unknown}"));
     }
 

@@ -86,7 +86,7 @@ pub struct ChannelHeader {
     pub code: u32,
     /// Keeps the layout free of padding.
     pub reserved: u32,
-    /// Newtons or volts per count: a stored sample times this is the physical value.
+    /// The value of a count in the unit of the channel, such as N, V or Pa: a stored sample times this is the physical value.
     pub unit_per_count: f64,
 }
 

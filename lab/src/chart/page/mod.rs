@@ -107,7 +107,7 @@ fn points(facet: &Facet) -> Markup {
         details {
             summary { "Points: " (facet.title) }
             p { "Truth: " (facet.truth) ". Seeds: " (facet.seeds_in_words()) ". Differences of less than " (few_digits(facet.tolerance.error))
-                " " (facet.error.unit) " in error, or of " (few_digits(100.0 * facet.tolerance.cost)) " % in cost, are none." }
+                " " (facet.error.unit) " in error, or of " (few_digits(100.0 * facet.tolerance.cost)) " % in cost, do not count." }
             div.scroll { table {
                 thead { tr {
                     th { "point" } th.number { (facet.cost.words()) } th.number { "quartiles" } th.number { (facet.error.words()) }
