@@ -93,6 +93,10 @@ fn what_cannot_be_asked_is_said() {
             && err.contains("No field named damage"),
         "{err}"
     );
+    for statement in ["DROP TABLE verdicts", "CREATE TABLE t AS SELECT 1", "SET datafusion.execution.batch_size = 1"] {
+        let err = refusal(&["sql", statement, "in"]);
+        assert!(err.contains("not supported"), "{statement}: {err}");
+    }
     let err = refusal(&["sql", "SELECT 1", "nowhere"]);
     assert!(err.contains("cannot read nowhere"), "{err}");
     let err = refusal(&["sql", "SELECT * FROM damage", "in", "--engine", "cluster://127.0.0.1:1"]);

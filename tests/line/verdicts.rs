@@ -37,6 +37,33 @@ fn a_command_is_run_at_each_verdict() {
     }
 }
 
+/// Catches a command that cannot run and is noticed only when the first verdict is lost to it.
+#[test]
+fn a_command_that_is_not_there_is_refused() {
+    let sandbox = Sandbox::new();
+    slow_plant(&sandbox, 1, 200.0, "[line]\non_verdict = \"/no/such/sort-casing now\"\n");
+    for command in ["line --config plant.toml --out out", "config --check plant.toml"] {
+        let done = sandbox.run(command).expect(1);
+        assert!(done.err.contains("/no/such/sort-casing is not a command on this machine"), "{done:?}");
+    }
+}
+
+/// Catches a run that takes the casings under way on a line for its own, and a line on the results of a run.
+#[test]
+fn a_line_and_a_run_do_not_share_a_folder() {
+    let sandbox = Sandbox::new();
+    slow_plant(&sandbox, 1, 1000.0, "");
+    sandbox.run("line --config plant.toml --out line --casings 2").expect(0);
+    sandbox.run("run --config plant.toml --stations 1 --out listed").expect(0);
+    for (command, what) in [
+        ("run --config plant.toml --stations 1 --out line", "line is the folder of a `tapline line`"),
+        ("line --config plant.toml --out listed", "listed is the folder of a `tapline run`"),
+    ] {
+        let done = sandbox.run(command).expect(1);
+        assert!(done.err.contains(what), "{done:?}");
+    }
+}
+
 /// Catches a command that fails and that the status of the line says nothing of.
 #[test]
 fn a_command_that_fails_is_an_alarm() {
