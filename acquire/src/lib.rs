@@ -43,7 +43,7 @@ pub use config::calibration::{CALIBRATION_FILE, CalibrationFile, ChannelScale};
 pub use config::text::toml_in_words;
 pub use config::{AcquireConfig, ScanConfig, TyreConfig};
 pub use error::Error;
-pub use rig::{RigArrivals, RigConfig, RigReport, RigScript, serve_rig};
+pub use rig::{RigArrivals, RigConfig, RigReport, RigScript, last_on_rig, serve_rig};
 pub use simulated::SimulatedLine;
 pub use simulated::listed::{SimulatedList, listed_simulated};
 pub use source::arrivals::{Arrival, Arrivals, Casing, CasingEnd, Wake};

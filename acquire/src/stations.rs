@@ -14,7 +14,10 @@ use crate::config::calibration::CalibrationFile;
 use crate::config::refuse;
 use crate::rig::stream::fault_of;
 use crate::simulated::listed::SimulatedTyres;
-use crate::{AcquireConfig, Arrivals, CaptureConfig, Error, FolderArrivals, RigArrivals, RigConfig, ScanConfig, Wake};
+use crate::{
+    AcquireConfig, Arrivals, CaptureConfig, Error, FolderArrivals, RigArrivals, RigConfig, ScanConfig, Wake,
+    last_on_rig,
+};
 
 /// Longest time that a rig may be given, in s: a day.
 const TIME_MAX_S: f64 = 86_400.0;
@@ -254,7 +257,7 @@ fn resolved(folder: &Path) -> PathBuf {
 
 /// Opens the source of casings of `station`; `wake` is called when a rig has answered or a tap was heard.
 ///
-/// How the last casing of a rig ended is kept in the folder `out` of the line.
+/// The folder `out` of the line has the last casing that was finished ([`last_on_rig`]).
 ///
 /// # Errors
 /// [`Error`] for a value out of its bounds, a folder that cannot be made, or a thread that cannot be had.
@@ -283,7 +286,7 @@ pub fn open_station(
                 patience,
                 timeout,
                 home_timeout,
-                last_end: Some(out.join(format!(".rig-{number}"))),
+                last_end: Some(last_on_rig(out, number)),
                 retakes: acquire.retakes,
                 device: device.map(|device| (device, capture.clone())),
             };

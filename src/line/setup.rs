@@ -40,6 +40,8 @@ pub(crate) struct Setup {
     /// Output folder, absolute.
     pub out: PathBuf,
     pub limits: Limits,
+    /// Stations whose casings are on rigs.
+    pub rigs: Vec<u16>,
     pub config_toml: String,
     /// The reference file, verbatim, and where it was.
     pub reference: Option<String>,
@@ -57,6 +59,7 @@ impl Setup {
             started_in: std::env::current_dir().context("cannot find the folder this was started in")?,
             out: out.to_owned(),
             limits,
+            rigs: job.config.station.iter().filter(|station| station.rig.is_some()).map(|s| s.number).collect(),
             config_toml: job.config_toml.clone(),
             reference,
         })

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::io::Write as _;
 use std::path::Path;
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Context as _, Result, bail, ensure};
 use serde_json::{Value, json};
 use tapline_fuse::{Built, Direction, KnownShoulder, Origin, ReferenceSet, build_reference, tapped_once};
 use tapline_host::atomic_file::{check_writable, write_atomically};
@@ -44,19 +44,6 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
         let config = Config::parse(reader.config()).context("its configuration is not one of this program");
         let Some(config) = outcome.take(file, config)? else { continue };
         let process = process_of(&config.process, &reader.plan().recording)?;
-        match &built {
-            None => {
-                built = Some(start(args, &config, process)?);
-                first = Some(path);
-            }
-            Some(built) if built.process != process => bail!(
-                "{}: its taps were recorded or analysed differently from those of {}: {}",
-                path.display(),
-                first.unwrap_or(path).display(),
-                differences(&built.process, &process)
-            ),
-            Some(_) => {}
-        }
         let before = shoulders.len();
         // A named shoulder counts as sound whatever its verdict was; others only if they passed.
         let is_wanted = |name: &str, has_passed: bool| {
@@ -76,6 +63,26 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
         };
         take(args, &reader, &records, is_wanted, &mut shoulders)?;
         if shoulders.len() > before {
+            match &built {
+                None => {
+                    built = Some(start(args, &config, process)?);
+                    first = Some(path);
+                }
+                Some(built) if built.process != process => {
+                    let why = format!(
+                        "{}: its taps were recorded or analysed differently from those of {}: {}",
+                        path.display(),
+                        first.unwrap_or(path).display(),
+                        differences(&built.process, &process)
+                    );
+                    // What was asked for by name is not left out.
+                    ensure!(names_none && !args.archives.contains(path), why);
+                    say(&format!("{why}; it is left out"));
+                    shoulders.truncate(before);
+                    continue;
+                }
+                Some(_) => {}
+            }
             let origin = Origin {
                 archive: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
                 plan_digest: format!("{:016x}", reader.plan().digest()),
@@ -167,7 +174,7 @@ fn take(
         }
         if shoulders.iter().any(|s| s.tyre == shoulder.tyre && s.shoulder == shoulder.shoulder) {
             say(&format!(
-                "{}: {name} is left out, as an earlier file has it too; to take another, name the files instead",
+                "{}: {name} is left out, as another file has it too; to take this one, name the files instead",
                 path.display()
             ));
             continue;

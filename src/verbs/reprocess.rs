@@ -3,6 +3,7 @@
 //! The archive is never changed. The results go to a file beside it, named after their lineage, which every other verb reads
 //! like an archive.
 
+use std::cell::RefCell;
 use std::fs::File;
 use std::io::Write as _;
 use std::num::NonZeroUsize;
@@ -68,6 +69,8 @@ struct Asked {
     reference: Option<Reference>,
     /// The text of `reference`, if that is a file.
     text: Option<String>,
+    /// The reference that was last read, by its text: most archives have the same, and fitting one takes longer than judging a casing.
+    last: RefCell<Option<(String, Arc<ReferenceSet>)>>,
 }
 
 impl Asked {
@@ -84,7 +87,18 @@ impl Asked {
             Some(Reference::File(path)) => Some(ReferenceFile::read(path)?.text),
             _ => None,
         };
-        Ok(Self { config, reference, text })
+        Ok(Self { config, reference, text, last: RefCell::default() })
+    }
+
+    /// The reference whose text is `text`.
+    fn set(&self, text: &str) -> Result<Arc<ReferenceSet>> {
+        let mut last = self.last.borrow_mut();
+        if let Some((_, set)) = last.as_ref().filter(|(of, _)| of == text) {
+            return Ok(Arc::clone(set));
+        }
+        let set = Arc::new(ReferenceSet::parse(text).context("cannot use the reference")?);
+        *last = Some((text.to_owned(), Arc::clone(&set)));
+        Ok(set)
     }
 }
 
@@ -130,10 +144,10 @@ impl Task {
     }
 
     /// The fusion of this archive's taps.
-    fn fusion(&self) -> Result<Fusion> {
-        let set = self.reference.as_deref().map(ReferenceSet::parse).transpose().context("cannot use the reference")?;
+    fn fusion(&self, asked: &Asked) -> Result<Fusion> {
+        let set = self.reference.as_deref().map(|text| asked.set(text)).transpose()?;
         let Config { fuse, process, .. } = &self.config;
-        Fusions::new(fuse.clone(), *process, set.map(Arc::new)).check(self.reader.plan())
+        Fusions::new(fuse.clone(), *process, set).check(self.reader.plan())
     }
 }
 
@@ -170,7 +184,7 @@ fn again(archive: &Path, asked: &Asked, from_samples: bool, jobs: usize) -> Resu
     }
     let plan = task.reader.plan();
     // Before the file is made, so that a plan that cannot be judged leaves none.
-    let mut fusion = task.fusion()?;
+    let mut fusion = task.fusion(asked)?;
     let mut writer = match Writer::results(&out, (task.reader.path(), raw_digest), plan, lineage) {
         // The same results were made before.
         Err(tapline_store::Error::Finished { .. }) => {

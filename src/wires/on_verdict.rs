@@ -1,6 +1,8 @@
 //! The plant's command `on_verdict`. Its own thread runs it for each verdict, one at a time, so that nothing waits.
 
+use std::fs::{self, Metadata};
 use std::io::Write as _;
+use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::process::CommandExt as _;
 use std::process::{Child, Command, Stdio};
 use std::sync::{Arc, OnceLock};
@@ -59,6 +61,12 @@ pub(super) fn check(command: &str) -> Result<()> {
     if !is_plain || (word.contains('/') && !word.starts_with('/')) {
         return Ok(());
     }
+    // The shell finds a file that cannot be run too.
+    let may_run = |file: Metadata| file.is_file() && file.permissions().mode() & 0o111 != 0;
+    ensure!(
+        !word.starts_with('/') || fs::metadata(word).is_ok_and(may_run),
+        "line.on_verdict = {command:?}: {word} is not a program on this machine, or may not be run"
+    );
     let found = Command::new("/bin/sh").args(["-c", "command -v \"$0\"", word]).stdout(Stdio::null()).status();
     ensure!(
         found.context("cannot run /bin/sh")?.success(),

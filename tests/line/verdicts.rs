@@ -44,7 +44,7 @@ fn a_command_that_is_not_there_is_refused() {
     slow_plant(&sandbox, 1, 200.0, "[line]\non_verdict = \"/no/such/sort-casing now\"\n");
     for command in ["line --config plant.toml --out out", "config --check plant.toml"] {
         let done = sandbox.run(command).expect(1);
-        assert!(done.err.contains("/no/such/sort-casing is not a command on this machine"), "{done:?}");
+        assert!(done.err.contains("/no/such/sort-casing is not a program on this machine"), "{done:?}");
     }
 }
 
@@ -91,6 +91,12 @@ fn a_line_whose_reader_has_gone_goes_on() {
     signal(i32::try_from(child.id()).unwrap(), Signal::INT);
     let ended = child.wait().unwrap();
     assert_eq!(ended.code(), Some(3), "{:#?}", log.iter().collect::<Vec<_>>());
+    // With nobody there again it runs like before, and ends when it is asked to.
+    let mut child = sandbox.start("line --config plant.toml --out out --json");
+    drop(child.stdout.take());
+    until("the line runs", || sandbox.run("status --out out --json").code == Some(0));
+    signal(i32::try_from(child.id()).unwrap(), Signal::INT);
+    assert_eq!(child.wait().unwrap().code(), Some(3));
     // The next start prints what nobody has read.
     let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json");
     let of = |verdict: &Value| verdict["casing"].as_str().unwrap().to_owned();

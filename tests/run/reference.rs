@@ -41,6 +41,22 @@ fn verdicts(sandbox: &Sandbox, archive: &str) -> Vec<(String, String, String)> {
     rows.map(|row| (format!("{}/{}", row[0], row[1]), row[3].clone(), row[4].clone())).collect()
 }
 
+/// Catches one casing that was recorded differently and keeps a whole folder from being a reference.
+#[test]
+fn what_was_recorded_differently_is_left_out() {
+    let sandbox = scanned();
+    let long = format!("{SCAN}seed = 5\n{}[simulation]\nsample_count = 4096\n", tyres("Z", false));
+    sandbox.write("long.toml", &long);
+    sandbox.run("run --config long.toml --out long --reference self").expect(0);
+    let done = sandbox.run(&format!("reference {SOUND} long --out sound.json")).expect(0);
+    assert!(done.out.contains("4 shoulders: S1/1, S1/2, S2/1, S2/2;"), "{done:?}");
+    assert!(done.err.contains("long/Z1.h5: its taps were recorded") && done.err.contains("left out"), "{done:?}");
+    // What is asked for by name is not left out.
+    let named =
+        sandbox.run(&format!("reference {SOUND} long --shoulder S1/1 --shoulder Z1/1 --out named.json")).expect(1);
+    assert!(named.err.contains("long/Z1.h5: its taps were recorded"), "{named:?}");
+}
+
 /// Catches a reference that is not used or not recorded, a sound tyre of another construction that counts as damaged, a
 /// crack that is missed, and an archive without the reference of its verdicts.
 #[test]

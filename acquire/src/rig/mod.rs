@@ -14,7 +14,7 @@ mod simulated;
 pub(crate) mod stream;
 
 use std::collections::VecDeque;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -61,12 +61,18 @@ pub struct RigConfig {
     pub timeout: Duration,
     /// The same for finding its home.
     pub home_timeout: Duration,
-    /// The file that keeps how the last casing ended; `None` to keep it in memory alone.
+    /// The file that has the serial of the casing that an earlier line finished last; `None` if there is none.
     pub last_end: Option<PathBuf>,
     /// How often a failed move or hit is tried again before its tap is refused.
     pub retakes: u16,
     /// The device that hears its taps; if left out, they are simulated.
     pub device: Option<(DeviceName, CaptureConfig)>,
+}
+
+/// The file in the folder `out` of a line that has the serial of the casing that was finished last at `station`, and that may still be
+/// on its rig.
+pub fn last_on_rig(out: &Path, station: u16) -> PathBuf {
+    out.join("open").join(format!(".rig-{station}"))
 }
 
 /// The casings of a station's rig.

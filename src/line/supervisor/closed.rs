@@ -1,8 +1,10 @@
 //! What happens when the file of a casing is closed: its verdict is printed, handed to the wires, and shown.
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use tapline_host::atomic_file::{Existing, write_atomically};
 use tapline_store::{Reader, Unreported};
 use tapline_wire::{CasingHeader, Reasons, now_ns};
 
@@ -23,6 +25,9 @@ impl Supervisor<'_> {
             // It was finished before this process started.
             None => path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
         };
+        if was_open {
+            self.note_on_rig(u16::try_from(header.station).unwrap_or(u16::MAX), &name);
+        }
         let is_again = match (self.is_list, number) {
             (true, _) => !self.known.insert(path.clone()),
             (false, 0) => self.shown.verdicts.iter().any(|verdict| verdict.file == path),
@@ -51,6 +56,20 @@ impl Supervisor<'_> {
         self.report(&unreported, was_open);
     }
 
+    /// Notes that the casing `name` is done and may still be on the rig of `station`, so that a line that starts anew does not scan
+    /// it again; or, with another casing open there, nothing.
+    fn note_on_rig(&self, station: u16, name: &str) {
+        let is_next_open = self.open.iter().any(|casing| casing.header.station == u32::from(station));
+        let path = tapline_acquire::last_on_rig(&self.shown.out, station);
+        if self.is_list || is_next_open || !self.with_rig.contains(&station) {
+            return;
+        }
+        let written = write_atomically(&path, Existing::Replace, |mut file| file.write_all(name.as_bytes()));
+        if let Err(error) = written {
+            tracing::warn!("a line that starts anew may scan {name} again if it is still on the rig: {error}");
+        }
+    }
+
     /// The note of a casing that is closed; `None` if its verdict was reported before.
     fn take_up(&mut self, unreported: Unreported) -> Option<Unreported> {
         match self.audience.wires.as_ref()?.take_up(unreported.number) {
@@ -63,16 +82,19 @@ impl Supervisor<'_> {
         }
     }
 
-    /// Reports the verdicts that an earlier line had no time to print.
+    /// Reports the verdicts that an earlier line could not print, as far as it is possible now.
     pub(super) fn report_left(&mut self) {
         while let Some(note) = self.audience.wires.as_ref().and_then(|wires| wires.next_unprinted()) {
             self.pace.closed += 1;
-            self.report(&note, false);
+            if !self.report(&note, false) {
+                return;
+            }
         }
     }
 
-    /// Reports the verdict on the casing of `note`; `was_open` says whether it has just left its station.
-    fn report(&mut self, note: &Unreported, was_open: bool) {
+    /// Reports the verdict on the casing of `note`; `was_open` says whether it has just left its station. Returns whether it was
+    /// printed, if it can be read.
+    fn report(&mut self, note: &Unreported, was_open: bool) -> bool {
         let path = self.shown.out.join(&note.file);
         let read = || -> Result<_> {
             let reader = Reader::open(&path)?;
@@ -107,6 +129,7 @@ impl Supervisor<'_> {
             self.audience.wires.iter().for_each(|wires| wires.printed(note.number));
         }
         self.shown.closed_count += 1;
+        is_printed
     }
 
     /// Prints a verdict; whether that was possible.

@@ -116,6 +116,8 @@ pub(crate) struct Supervisor<'a> {
     stop: Arc<AtomicBool>,
     audience: Audience,
     is_list: bool,
+    /// Stations whose casings are on rigs.
+    with_rig: Vec<u16>,
     open: Vec<Open>,
     shown: Status,
     shown_at: Instant,
@@ -162,6 +164,7 @@ impl<'a> Supervisor<'a> {
             stop,
             audience,
             is_list: setup.is_list(),
+            with_rig: setup.rigs.clone(),
             open: Vec::new(),
             shown: Status { out: setup.out.clone(), pid: std::process::id(), stations, ..Status::default() },
             shown_at: Instant::now(),
@@ -241,6 +244,8 @@ impl<'a> Supervisor<'a> {
                                 };
                                 self.audience.progress.print(&format!("casing {name} {how}: {there} taps are done"));
                             }
+                            // What was done before is not on the rig any more.
+                            drop(std::fs::remove_file(tapline_acquire::last_on_rig(&self.shown.out, station)));
                             self.open.push(Open { number, name, header, layout, again, ledger: None });
                         }
                     }
@@ -309,7 +314,7 @@ impl<'a> Supervisor<'a> {
     /// Notes why the archive cannot be written; an empty text ends that.
     fn held(&mut self, why: String) {
         let why = Some(why).filter(|why| !why.is_empty());
-        if let Some(why) = why.as_ref().filter(|_| why != self.shown.held_by) {
+        if let Some(why) = why.as_ref().filter(|_| self.shown.held_by.is_none()) {
             self.alarm(why.clone());
         }
         self.shown.held_by = why;

@@ -141,6 +141,11 @@ fn bit(handshake: u64) -> u32 {
 pub struct Waker(pub(crate) Arc<Mailbox>);
 
 impl Waker {
+    /// Shows that the process is not held up while it waits for another.
+    pub(crate) fn beat(&self) {
+        self.0.beat();
+    }
+
     /// Wakes the thread that waits on the line.
     pub fn wake(&self) {
         self.0.notify();

@@ -84,7 +84,7 @@ impl<'l, T: Topic> Publisher<'l, T> {
         let service = open::<T>(line, receiver)?;
         let elements_max = T::elements_max(line.limits(), receiver);
         let may_block = Arc::new(AtomicBool::new(true));
-        let (handler_may_block, stop) = (may_block.clone(), line.stop().clone());
+        let (handler_may_block, stop, waker) = (may_block.clone(), line.stop().clone(), line.waker());
         let port = service
             .publisher_builder()
             .initial_max_slice_len(elements_max)
@@ -94,6 +94,8 @@ impl<'l, T: Topic> Publisher<'l, T> {
                 if stop.load(Ordering::Relaxed) || !handler_may_block.load(Ordering::Relaxed) {
                     return BackpressureAction::DiscardDataAndFail;
                 }
+                // It is the subscriber that is held up.
+                waker.beat();
                 // The subscriber that blocks may be dead: the supervisor notices and removes it, which ends this wait.
                 let pause_us = [100, 400, 2000][(info.retries.min(64) / 32) as usize];
                 std::thread::sleep(Duration::from_micros(pause_us));

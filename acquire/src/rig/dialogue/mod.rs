@@ -43,7 +43,7 @@ pub(crate) struct LinkConfig {
     pub timeout: Duration,
     /// The same where it has to find its home.
     pub home_timeout: Duration,
-    /// The file that keeps how the last casing ended.
+    /// The file that has the serial of the casing that an earlier line finished last.
     pub last_end: Option<PathBuf>,
 }
 
@@ -175,7 +175,7 @@ pub(crate) struct LoadedCasing {
 
 impl Dialogue {
     pub(super) fn new(config: LinkConfig) -> Self {
-        let last_end = LastEnd::read(config.last_end.clone());
+        let last_end = LastEnd::read(config.last_end.as_deref());
         Self { config, last_end, ..Self::default() }
     }
 

@@ -8,7 +8,7 @@ use super::{Command, Current, Dialogue, Hit, LinkConfig, Step, Tap};
 use crate::rig::protocol::{RigMessage, UNKNOWN, VERSION, one_line};
 
 /// Most unexpected lines within a second.
-const UNEXPECTED_MAX: u32 = 20;
+const UNEXPECTED_MAX: u32 = 100;
 
 impl Dialogue {
     /// Handles a line from the rig; returns whether something has changed for the station.
@@ -161,6 +161,7 @@ impl Dialogue {
             return true;
         }
         if let Some(line) = self.last_end.answer(serial).filter(|_| serial != UNKNOWN) {
+            tracing::info!("station {station}: casing {serial} is done; the rig has announced it again");
             self.send(&line);
             return false;
         }

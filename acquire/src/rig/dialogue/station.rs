@@ -130,7 +130,10 @@ impl Dialogue {
             (Some(name), Some(_), Some(pending)) => format!("the rig {name:?} at {address} to {}", pending.text),
             (Some(_), Some(Current { step: Step::Hit(..), .. }), None) => "its hit to be heard".to_owned(),
             (Some(name), Some(_), None) => format!("the rig {name:?} at {address}, to try again"),
-            (Some(name), ..) => format!("a casing on the rig {name:?} at {address}"),
+            (Some(name), ..) => match self.last_end.on_rig() {
+                Some(serial) => format!("another casing on the rig {name:?} at {address}: {serial} is done"),
+                None => format!("a casing on the rig {name:?} at {address}"),
+            },
         }
     }
 }

@@ -78,13 +78,14 @@ fn a_casing_that_is_done_is_not_scanned_again() {
         assert_eq!(rig.hear(), "closed T 1");
     }
     drop((rig, bench));
+    // As the line writes it.
+    std::fs::write(last_end, "T 1").unwrap();
     let bench = Bench::of(&config);
     let mut rig = ByHand::accept(&listener);
     rig.say("hello rig 1\ncasing T 1\n");
     assert_eq!(rig.hear(), "closed T 1");
     rig.say("removed\ncasing T 1\n");
     assert_eq!(rig.hear(), "scan T 1 7", "it was taken off: it is to be scanned again");
-    assert!(!last_end.exists());
     drop(bench);
 }
 
@@ -119,7 +120,7 @@ fn patience_ends() {
 #[test]
 fn rigs_that_send_garbage_are_cut_off() {
     let (listener, bench) = by_hand(30.0);
-    let flood = "casing A\nremoved\n".repeat(50);
+    let flood = "casing A\nremoved\n".repeat(100);
     let long = "x".repeat(1000);
     for (says, want) in [
         ("good day\n", "the rig has said \"good day\", which is not in the protocol"),
@@ -127,7 +128,7 @@ fn rigs_that_send_garbage_are_cut_off() {
         ("hello rig 2\n", "the rig speaks version 2 of the protocol; this station speaks 1"),
         ("hello rig 1\nready\n", "the rig has said \"ready\" unexpectedly"),
         ("hello rig 1\nhit 1e9\n", "the rig has said \"hit 1e9\", which is not in the protocol"),
-        (&*format!("hello rig 1\n{flood}"), "the rig has sent more than 20 unexpected lines within a second"),
+        (&*format!("hello rig 1\n{flood}"), "the rig has sent more than 100 unexpected lines within a second"),
         (&*long, "the rig has sent a line of more than 256 bytes"),
     ] {
         let mut rig = ByHand::accept(&listener);
