@@ -24,14 +24,14 @@ fn pulse_at(tap: &Tap) -> usize {
 static OF_MODEL: LazyLock<Vec<Tap>> = LazyLock::new(|| of_model(RATE_HZ));
 static OF_PLATE: LazyLock<Vec<Tap>> = LazyLock::new(|| of_plate(RATE_HZ));
 
-/// Samples of 50 ms, and of the time before the trigger.
-fn counts(rate_hz: f64) -> (u32, u32) {
-    ((0.05 * rate_hz) as u32, (rate_hz / 160.0) as u32)
+/// Samples of 50 ms.
+fn short(rate_hz: f64) -> u32 {
+    (0.05 * rate_hz) as u32
 }
 
 /// Taps of the model's sound and cracked tyres, in 16-bit counts, 50 ms and 400 ms each.
 fn of_model(rate_hz: f64) -> Vec<Tap> {
-    let (sample_count, pre_trigger_samples) = counts(rate_hz);
+    let (sample_count, pre_trigger_samples) = (short(rate_hz), (rate_hz / 80.0) as u32);
     let short =
         SimulationConfig { sample_rate_hz: rate_hz, sample_count, pre_trigger_samples, ..SimulationConfig::default() };
     let long = SimulationConfig { sample_count: 8 * short.sample_count, ..short.clone() };
@@ -47,7 +47,7 @@ fn of_model(rate_hz: f64) -> Vec<Tap> {
 /// Taps of the plate's sound and cracked casings of a rough population, as floats, 50 ms and 200 ms each.
 fn of_plate(rate_hz: f64) -> Vec<Tap> {
     let population = Population { rogue: 0.0, ..Population::rough() };
-    let (short, pre_trigger_samples) = counts(rate_hz);
+    let (short, pre_trigger_samples) = (short(rate_hz), (rate_hz / 160.0) as u32);
     let mut rig = Rig::new(&population, rate_hz, pre_trigger_samples).unwrap();
     let tap = |k: u32| {
         let number = k % 16;
