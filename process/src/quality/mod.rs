@@ -118,7 +118,7 @@ quality_config! {
     policies {
         /// A clipped force affects F_max and tau, and with them A_1 and A_2.
         clipped_force = Retake, CLIPPED drops [FMax];
-        /// A clipped sound affects its six features; kept, because the power ratio still told cracked from sound slabs.
+        /// A clipped sound affects its six features; kept, because the power ratio still separated cracked from sound slabs.
         clipped_sound = Keep, CLIPPED drops [Pr];
         /// A late trigger affects F_max, tau, A_1 and A_2, and the powers if the record begins within the pulse.
         late_trigger = Retake, LATE_TRIGGER drops [FMax, A2];

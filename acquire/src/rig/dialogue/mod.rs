@@ -3,7 +3,7 @@
 //! This file has the state, its connection and its timeouts; `station` has what the station asks for, and `receive` what a
 //! line from the rig changes.
 
-mod end_report;
+mod last_end;
 mod receive;
 mod station;
 
@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-use self::end_report::LastEnd;
+use self::last_end::LastEnd;
 use crate::rig::stream::Stream;
 
 /// A rig that has been silent for this long is pinged.
