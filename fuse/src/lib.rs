@@ -81,4 +81,4 @@ pub use run::{Outcome, RunError, run};
 pub use score::{Score, ScorePool, auc};
 pub use shoulder::velocity::PowerLaw;
 pub use tapline_wire::Direction;
-pub use verdict::supported::{tapped_once, unsupported};
+pub use verdict::supported::unsupported;

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use serde_json::{Value, json};
-use tapline_fuse::{Built, Direction, KnownShoulder, Origin, ReferenceSet, build_reference, tapped_once};
+use tapline_fuse::{Built, Direction, KnownShoulder, Origin, ReferenceSet, build_reference};
 use tapline_host::atomic_file::{check_writable, write_atomically};
 use tapline_host::messages::{counted, say};
 use tapline_host::similar::did_you_mean;
@@ -253,9 +253,6 @@ fn print(path: &Path, set: &ReferenceSet) -> Result<()> {
             .supported_rate
             .map_or_else(|| "no rate".to_owned(), |rate| format!("{} without assumption", percent(rate)))
     )?;
-    if let Some(remark) = tapped_once(set) {
-        writeln!(out, "{remark}")?;
-    }
     writeln!(out, "Written to {} (digest {})", path.display(), &set.digest()[..16])?;
     Ok(())
 }

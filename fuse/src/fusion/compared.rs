@@ -218,7 +218,6 @@ impl Fusion {
             casing: 0,
             turns: turns.into_iter().map(turn).collect(),
             is_cracked: vec![None; place_count],
-            repeats: Vec::new(),
         }
     }
 }

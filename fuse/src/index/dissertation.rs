@@ -149,7 +149,6 @@ mod tests {
         });
         let locations: Vec<_> = (0..11).map(|location| (location, None)).collect();
         let shoulder = Shoulder {
-            repeats: Vec::new(),
             ring: Ring::of(Geometry::Line, &locations, None),
             casing: 0,
             turns: vec![Turn::new(0, values.collect())],

@@ -36,9 +36,6 @@ pub struct KnownShoulder {
     pub is_cracked: Option<Vec<bool>>,
     /// Its taps, turn by turn.
     pub turns: Vec<Turn>,
-    /// Its second readings of places that did not stand out: they are used only to find how far taps of one place differ.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub controls: Vec<Turn>,
 }
 
 /// The taps of one shoulder at one offset, velocity and repetition; by location, `None` where nothing came.
@@ -87,8 +84,7 @@ impl KnownShoulder {
             angles_deg: planned.locations.iter().map(|&(_, angle)| angle.filter(|a| a.is_finite())).collect(),
             closing_location: closing.next().map(|tap| tap.id.location),
             is_cracked: labels,
-            turns: turns_of(plan, planned, records, Purpose::Scan),
-            controls: turns_of(plan, planned, records, Purpose::Control),
+            turns: turns_of(plan, planned, records),
         })
     }
 
@@ -120,7 +116,6 @@ impl KnownShoulder {
                 Some(labels) => kept.iter().map(|&k| Some(labels[k])).collect(),
                 None => vec![None; located.len()],
             },
-            repeats: Vec::new(),
         };
         // The values of `turn` at the `locations` that the scan has.
         let values = |condition: usize, turn: &Turn, locations: &[u32]| {
@@ -136,16 +131,10 @@ impl KnownShoulder {
         };
         for same in turns.chunk_by(|a, b| a.0 == b.0) {
             for (rank, &(condition, turn)) in same.iter().enumerate() {
-                // Repetitions beyond those of the scan are cut to the places of its first.
-                let of_rank = pattern.locations(condition, rank);
-                let Some(locations) = of_rank.or_else(|| pattern.locations(condition, 0)) else { continue };
-                let turns = if of_rank.is_some() { &mut shoulder.turns } else { &mut shoulder.repeats };
-                turns.push(values(condition, turn, locations));
-            }
-        }
-        for (condition, turn) in self.controls.iter().filter_map(number) {
-            if let Some(locations) = pattern.locations(condition, 0) {
-                shoulder.repeats.push(values(condition, turn, locations));
+                // Repetitions beyond those of the scan do not count.
+                if let Some(locations) = pattern.locations(condition, rank) {
+                    shoulder.turns.push(values(condition, turn, locations));
+                }
             }
         }
         shoulder
@@ -164,22 +153,21 @@ impl KnownShoulder {
         let lengths = [self.angles_deg.len(), self.is_cracked.as_ref().map_or(count, Vec::len)];
         let columns =
             |turn: &Turn| turn.values.values().map(Vec::len).chain([turn.velocities_measured_m_per_s.len()]).collect();
-        let all_turns = || self.turns.iter().chain(&self.controls);
-        let in_turns: Vec<usize> = all_turns().flat_map(|turn| -> Vec<usize> { columns(turn) }).collect();
+        let in_turns: Vec<usize> = self.turns.iter().flat_map(|turn| -> Vec<usize> { columns(turn) }).collect();
         if let Some(other) = lengths.into_iter().chain(in_turns).find(|&length| length != count) {
             return Some(format!("{} has {count} locations, and a column of {other}", name()));
         }
         let is_known = |column: &String| Discriminator::ALL.iter().any(|d| d.column() == column);
-        if let Some(column) = all_turns().flat_map(|t| t.values.keys()).find(|c| !is_known(c)) {
+        if let Some(column) = self.turns.iter().flat_map(|t| t.values.keys()).find(|c| !is_known(c)) {
             return Some(format!("{} has a column {column:?}, which is not a discriminator", name()));
         }
-        let unnamed = all_turns().find(|turn| self.tap_id(turn).is_none())?;
+        let unnamed = self.turns.iter().find(|turn| self.tap_id(turn).is_none())?;
         Some(format!("{} has a turn at {:?} mm and {:?} m/s", name(), unnamed.offset_mm, unnamed.velocity_m_per_s))
     }
 }
 
-/// What came of the taps for `purpose`, turn by turn.
-fn turns_of(plan: &Plan, planned: &Scan, records: &[Discriminators], purpose: Purpose) -> Vec<Turn> {
+/// What came of the taps, turn by turn, but for those that closed a ring or were made again.
+fn turns_of(plan: &Plan, planned: &Scan, records: &[Discriminators]) -> Vec<Turn> {
     let is_of_use = |record: &&Discriminators| {
         !record.quality.contains(Quality::REFUSED) && !record.quality.contains(Quality::RETAKE)
     };
@@ -190,7 +178,7 @@ fn turns_of(plan: &Plan, planned: &Scan, records: &[Discriminators], purpose: Pu
     for &row in &planned.taps {
         let tap = &plan.taps()[row as usize];
         let place = planned.locations.binary_search_by_key(&tap.id.location, |&(location, _)| location);
-        let (Some(record), Ok(place), true) = (by_row.get(&row), place, tap.purpose == purpose) else { continue };
+        let (Some(record), Ok(place), true) = (by_row.get(&row), place, tap.purpose == Purpose::Scan) else { continue };
         let velocity_m_per_s = plan.velocity_nominal_m_per_s(row);
         let bits = |of: Option<f64>| of.map(f64::to_bits);
         let key = (bits(tap.id.offset_mm()), bits(velocity_m_per_s), tap.id.repetition);

@@ -247,43 +247,6 @@ fn a_reference_is_cut_to_the_locations_of_the_scan() {
     assert_eq!(judgement_by(&whole), judgement_by(&cut));
 }
 
-#[test]
-fn places_tapped_twice_tell_what_stays_with_a_place() {
-    // Catches a second tap of a place that counts as if half of the scatter stayed with the place, where the reference knows that
-    // none does.
-    let of_taps = Casing { location_sd: 0.0, smooth: 0.0, offsets_mm: vec![0.0], ..Casing::default() };
-    let of_taps = Casing { velocities_m_per_s: vec![1.0], ..of_taps };
-    let set_of = |repetition_count: u16| {
-        let casing = Casing { repetition_count, ..of_taps.clone() };
-        let shoulders = (0..6).flat_map(|k| shoulders_of(&casing, 100 + k, false, &format!("A{k}"))).collect();
-        build_reference(&built(file()), shoulders).unwrap()
-    };
-    let casing = Casing { repetition_count: 1, cracks: vec![(1, 40..46)], shift: 1.0, ..of_taps.clone() };
-    let plan = casing.plan();
-    // What stands out is tapped again, so that the crack has two taps a place.
-    let peak_by = |set: &ReferenceSet| {
-        let set = Arc::new(set.clone());
-        let of = |plan: &Plan| whole_by(&file(), plan, Some(&set), &records(&casing, plan, 7));
-        let grown = plan.grown(&of(&plan).wanted(0, 10_000).unwrap()).unwrap();
-        assert!(grown.taps().len() > plan.taps().len());
-        of(&grown).judge(0).unwrap().0.strongest_arc
-    };
-    let (supposed, told) = (peak_by(&set_of(1)), peak_by(&set_of(3)));
-    // Two taps of which half stays: 1 / sqrt(0.75); of which nothing stays: 1 / sqrt(0.5).
-    assert!(told > 1.1 * supposed, "{told} {supposed}");
-    // The same by the controls of second readings, each fourth place.
-    let mut shoulders = set_of(2).shoulders;
-    for shoulder in &mut shoulders {
-        let mut controls = shoulder.turns.split_off(1);
-        for column in controls[0].values.values_mut() {
-            column.iter_mut().enumerate().filter(|(place, _)| place % 4 != 0).for_each(|(_, value)| *value = None);
-        }
-        shoulder.controls = controls;
-    }
-    let by_controls = peak_by(&build_reference(&built(file()), shoulders).unwrap());
-    assert!(by_controls > 1.1 * supposed, "{by_controls} {supposed}");
-}
-
 /// `count` sound casings of two shoulders, A0, A1, ...
 fn sound(count: u64) -> Vec<KnownShoulder> {
     let casing = Casing { shoulder_count: 2, repetition_count: 1, ..Casing::default() };

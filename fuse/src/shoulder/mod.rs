@@ -19,8 +19,6 @@ pub(crate) struct Shoulder {
     pub turns: Vec<Turn>,
     /// For each place whether it is cracked, where that is known.
     pub is_cracked: Vec<Option<bool>>,
-    /// Of a reference: more repetitions than the scan has. They tell what of the scatter stays with a place.
-    pub repeats: Vec<Turn>,
 }
 
 /// Once around a shoulder at one offset and velocity.
@@ -78,13 +76,6 @@ impl Shoulder {
     /// How many places it has.
     pub(crate) fn place_count(&self) -> usize {
         self.ring.len()
-    }
-
-    /// With its repeats among its turns.
-    pub(crate) fn with_repeats(&self) -> Self {
-        let mut all = self.clone();
-        all.turns.append(&mut all.repeats);
-        all
     }
 
     /// Without what was tapped again.

@@ -1,7 +1,7 @@
 //! The rates of false calls that a reference supports.
 
 use crate::verdict::whole_shoulder::CASINGS_MIN;
-use crate::{FuseConfig, KnownShoulder, Reference, ReferenceSet};
+use crate::{FuseConfig, Reference, ReferenceSet};
 
 /// The least rate of false calls that `casing_count` casings support without assuming a distribution; `None` of fewer than two.
 ///
@@ -27,19 +27,7 @@ pub fn unsupported(config: &FuseConfig, set: Option<&ReferenceSet>) -> Vec<Strin
         let names = set.summary.standing_out.join(", ");
         format!("reference: {names} may be cracked: casings that stand out from the others make the limits too wide for cracks")
     });
-    rates.chain(level).chain(standing_out).chain(set.and_then(tapped_once)).collect()
-}
-
-/// A remark for people on what the reference `set` cannot show if none of its places was tapped twice.
-pub fn tapped_once(set: &ReferenceSet) -> Option<String> {
-    let has_repeats = |shoulder: &KnownShoulder| {
-        !shoulder.controls.is_empty() || shoulder.turns.iter().any(|turn| turn.repetition > 0)
-    };
-    (!set.shoulders.iter().any(has_repeats)).then(|| {
-        "reference: no place was tapped twice, so it is unknown how far taps of one place differ: more sound shoulders than stated \
-         may fail to pass; scan more sound casings, or with scan.repetitions = 2"
-            .to_owned()
-    })
+    rates.chain(level).chain(standing_out).collect()
 }
 
 fn remark(casing_count: usize, name: &str, rate: f64) -> Option<String> {

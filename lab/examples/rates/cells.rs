@@ -86,7 +86,6 @@ pub(crate) struct Asked {
     pub policy: Policy,
     pub re_inspect_rate: Option<f64>,
     pub confirm_rate: Option<f64>,
-    pub reference_turns: Option<u16>,
     pub times: Times,
 }
 
@@ -128,8 +127,7 @@ pub(crate) fn judge_cell(
             config.reject_rate = config.re_inspect_rate;
         }
         let taps = asked.policy.taps(&set.shape, repetitions);
-        let reference =
-            known.map(|known| reference(&config, &known, by.casings(), &taps, asked.reference_turns)).transpose()?;
+        let reference = known.map(|known| reference(&config, &known, by.casings(), &taps)).transpose()?;
         standing_out += reference.as_ref().map_or(0, |set| set.summary.standing_out.len());
         let judging = Judging { config, reference, taps, times: asked.times };
         let per_part = casings.div_ceil(rayon::current_num_threads());

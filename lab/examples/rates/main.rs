@@ -77,10 +77,6 @@ struct Args {
     /// Stated rate of sound shoulders of which a part is tapped again; the default configuration's when left out.
     #[arg(long)]
     confirm_rate: Option<f64>,
-    /// Turns of a reference at each offset and velocity. If left out: twice those of the scan if what stands out is tapped again, else
-    /// as many.
-    #[arg(long)]
-    reference_turns: Option<u16>,
     /// Length of a record, s.
     #[arg(long, default_value_t = 0.05)]
     record_s: f64,
@@ -120,7 +116,6 @@ fn main() -> Result<()> {
         policy: args.policy,
         re_inspect_rate: args.re_inspect_rate,
         confirm_rate: args.confirm_rate,
-        reference_turns: args.reference_turns,
         times: Times { tap_s: args.tap_s, offset_s: args.offset_s },
     };
     let shape = ScanShape {

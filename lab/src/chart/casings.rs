@@ -119,7 +119,7 @@ pub(crate) fn reference_of(
     casings: usize,
     taps: &ScanTaps,
 ) -> Result<std::sync::Arc<tapline_fuse::ReferenceSet>> {
-    crate::simulated::reference(config, &group.reference, casings, taps, None)
+    crate::simulated::reference(config, &group.reference, casings, taps)
 }
 
 /// The rate, in per cent, at which `is_it` holds for shoulders that `of` selects: over all, with an exact interval, and by seed.

@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use anyhow::{Context as _, Result};
-use tapline_fuse::{Built, FuseConfig, Fusion, KnownShoulder, Reference, ReferenceSet, build_reference};
+use tapline_fuse::{Built, FuseConfig, Fusion, KnownShoulder, ReferenceSet, build_reference};
 use tapline_wire::{Discriminator, Discriminators, Plan, Reasons};
 
 use super::scan_taps::{ScanTaps, Times};
@@ -50,27 +50,15 @@ pub struct Judged {
     pub is_cracked: Vec<bool>,
 }
 
-/// The reference from the first `casings` of `set`, scanned as by `taps` but at every location, and with `turns` at each offset and
-/// velocity if given. If not, and `taps` are confirmed, so are theirs, each casing compared with itself.
+/// The reference from the first `casings` of `set`, scanned as by `taps` but at every location.
 ///
 /// # Errors
 /// If the set has not all of these taps.
-pub fn reference(
-    config: &FuseConfig,
-    set: &Set,
-    casings: usize,
-    taps: &ScanTaps,
-    turns: Option<u16>,
-) -> Result<Arc<ReferenceSet>> {
+pub fn reference(config: &FuseConfig, set: &Set, casings: usize, taps: &ScanTaps) -> Result<Arc<ReferenceSet>> {
     let shape = taps.shape(&set.shape);
-    let own = shape.repetitions / if taps.is_confirmed { 2 } else { 1 };
-    let full = ScanTaps::full(&shape.offsets_mm, &shape.velocities_m_per_s, turns.unwrap_or(own));
-    let (mut plan, mut records) = set.part(0..casings, &full, Scene::SoundSmooth)?;
-    if taps.is_confirmed && turns.is_none() {
-        let by_itself = FuseConfig { reference: Some(Reference::Own), ..config.clone() };
-        let judging = Judging { config: by_itself, reference: None, taps: full, times: Times::default() };
-        (plan, records) = judging.again(set, plan, records)?;
-    }
+    let turns = shape.repetitions / if taps.is_confirmed { 2 } else { 1 };
+    let full = ScanTaps::full(&shape.offsets_mm, &shape.velocities_m_per_s, turns);
+    let (plan, records) = set.part(0..casings, &full, Scene::SoundSmooth)?;
     let shoulders = (0..plan.scans().len()).map(|scan| KnownShoulder::of(&plan, &records, scan, None));
     let built = Built { config: config.clone(), ..Built::default() };
     let shoulders: Option<Vec<_>> = shoulders.collect();

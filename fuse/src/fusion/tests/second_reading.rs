@@ -1,8 +1,8 @@
 //! What stands out is tapped again, and the second reading decides with the first.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
-use tapline_wire::Purpose;
+use tapline_wire::{Purpose, Values};
 
 use super::*;
 use crate::build_reference;
@@ -122,6 +122,26 @@ fn what_the_second_reading_does_not_show_is_cleared() {
 }
 
 #[test]
+fn what_stays_with_a_place_stands_out_no_more_after_a_second_reading() {
+    // Catches a finer scale for places with more taps: what a second reading finds again is no more damage than before.
+    let casing = Casing { repetition_count: 2, ..scanned_once(vec![(1, 40..44)]) };
+    let plan = casing.plan();
+    let turn_and_place = |record: &Discriminators| (record.id.repetition % 2, record.id.location);
+    for seed in 0..5 {
+        let first = records(&casing, &plan, seed);
+        let grown = plan.grown(&wanted(&plan, &first)).unwrap();
+        let mut all = records(&casing, &grown, seed);
+        let values: BTreeMap<(u16, u32), Values> = first.iter().map(|r| (turn_and_place(r), r.values)).collect();
+        let is_second = |record: &&mut Discriminators| grown.taps()[record.plan_index as usize].is_second_reading();
+        all.iter_mut().filter(is_second).for_each(|record| record.values = values[&turn_and_place(record)]);
+        let both = whole(&FuseConfig::by(Reference::Own), &grown, &all).judge(0).unwrap().0;
+        let (first, both) = (both.first_strongest_arc, both.strongest_arc);
+        // The level of a second reading is that of its controls, which differs a little.
+        assert!(grown.taps().len() > plan.taps().len() && both < 1.07 * first, "seed {seed}: {first} became {both}");
+    }
+}
+
+#[test]
 fn a_sound_casing_wants_seldom_more() {
     // Catches a limit at which every shoulder is tapped again: one in five is stated.
     let casing = scanned_once(Vec::new());
@@ -151,7 +171,7 @@ fn louder(record: &Discriminators, factor: f64) -> Discriminators {
 #[test]
 fn suspects_have_no_say_in_the_level_of_their_second_reading() {
     // Catches a level of all places that were tapped again: most of a second reading may be cracked.
-    let (plan, all) = tapped_again(3);
+    let (plan, all) = tapped_again(0);
     let is = |record: &Discriminators, purpose: Purpose| plan.taps()[record.plan_index as usize].purpose == purpose;
     let lowered: Vec<Discriminators> =
         all.iter().map(|record| if is(record, Purpose::Suspect) { louder(record, 0.8) } else { *record }).collect();
@@ -163,7 +183,7 @@ fn suspects_have_no_say_in_the_level_of_their_second_reading() {
     let (before, after) = (of(&all), of(&lowered));
     for &control in &controls {
         let change = (before[control as usize] - after[control as usize]).abs();
-        // At most 0.10 here; at least 0.42 where suspects have a say.
+        // At most 0.06 here; at least 0.38 where suspects have a say.
         assert!(change < 0.15, "location {control}: {change}");
     }
     assert!((41..49).all(|location| after[location] < before[location] - 0.5), "{before:?} {after:?}");

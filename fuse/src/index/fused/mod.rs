@@ -112,7 +112,6 @@ impl Fused {
         for_casings(shoulders, |casing| levels.extend(fused.levels(casing)));
         fused.residuals(shoulders, &kept, &mut levels);
         fused.standardise(shoulders, &kept, &levels);
-        fused.part_by_repeats(shoulders, &kept);
         fused.offsets.iter().flatten().any(Option::is_some).then_some(fused)
     }
 
@@ -260,26 +259,6 @@ impl Fused {
     fn scatter_of(&self, places: Vec<Vector>) -> Scatter {
         let places = places.into_iter();
         if self.setup.is_own { Scatter::of_own(places) } else { Scatter::of(places) }
-    }
-
-    /// Parts the variance of places that the scan taps once into what stays with the place and what comes with the tap, by the
-    /// repetitions that the reference has besides.
-    fn part_by_repeats(&mut self, shoulders: &[&Shoulder], kept: &[Vec<bool>]) {
-        if shoulders.iter().all(|shoulder| shoulder.repeats.is_empty()) {
-            return;
-        }
-        let all: Vec<Shoulder> = shoulders.iter().map(|shoulder| shoulder.with_repeats()).collect();
-        let all: Vec<&Shoulder> = all.iter().collect();
-        let mut levels = Vec::new();
-        for_casings(&all, |casing| levels.extend(self.levels(casing)));
-        let width = self.setup.discriminators.len();
-        let borne_out = self.borne_out(&all, &self.taps(&all, &levels));
-        let variances = self.within_variances(&all, kept, &borne_out, &self.means(&all, &borne_out));
-        for (scale, variance) in self.offsets.iter_mut().flatten().zip(variances.iter().flat_map(|v| &v[..width])) {
-            if let Some((scale, variance)) = scale.as_mut().zip(*variance) {
-                scale.part(variance);
-            }
-        }
     }
 
     /// Variance of each discriminator of taps about the mean of their place, by offset; `None` where no place has two.

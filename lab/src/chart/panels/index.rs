@@ -270,7 +270,7 @@ fn lost_to_outliers(size: &Size, group: &Group, rule: Rule, clean: &Judging) -> 
         tap if tap == second => value / 20.0,
         _ => value,
     });
-    let reference = crate::simulated::reference(&clean.config, &spoiled, size.casings.reference, &clean.taps, None)?;
+    let reference = crate::simulated::reference(&clean.config, &spoiled, size.casings.reference, &clean.taps)?;
     let spoiled = Judging { reference: Some(reference), ..clean.clone() };
     let area = |judging: &Judging| -> Result<f64> {
         let mut inspected = Inspected { seed: group.seed, sound: Vec::new(), cracked: Vec::new() };

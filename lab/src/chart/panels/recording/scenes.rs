@@ -83,7 +83,7 @@ fn of_population(
     let judging = |known: &Set| {
         let config = FuseConfig::by(Reference::Own);
         // Records that give nothing make no reference, and find nothing.
-        let reference = reference(&config, known, casings.reference, &taps, None).ok()?;
+        let reference = reference(&config, known, casings.reference, &taps).ok()?;
         Some(Judging { config, reference: Some(reference), taps: taps.clone(), times: Times::default() })
     };
     let judgings: Vec<Option<Judging>> = known.par_iter().map(judging).collect();
