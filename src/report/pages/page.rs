@@ -91,8 +91,8 @@ fn light(verdict: Verdict) -> Markup {
     }
 }
 
-/// What is missing from the page, for its top; empty if nothing is.
-pub(crate) fn notices(evidence: &Evidence, shoulders: &[(String, &Shoulder)]) -> Markup {
+/// What is missing from the page, for its top; empty if nothing is. The `refusals` are counted by reason, the most frequent first.
+pub(crate) fn notices(evidence: &Evidence, shoulders: &[(String, &Shoulder)], refusals: &[(String, usize)]) -> Markup {
     let planned: usize = shoulders.iter().map(|(_, shoulder)| shoulder.taps.len()).sum();
     let count = |state| shoulders.iter().map(|(_, shoulder)| shoulder.count(state)).sum::<usize>();
     let (missing, refused) = (count(TapState::Missing), count(TapState::Refused));
@@ -106,7 +106,16 @@ pub(crate) fn notices(evidence: &Evidence, shoulders: &[(String, &Shoulder)]) ->
         div class="notice" role="note" {
             p { strong { "Incomplete." } " What follows is based on what is there." }
             @if missing > 0 { p { (missing) " of " (counted(planned, "planned tap is", "planned taps are")) " missing." } }
-            @if refused > 0 { p { (refused) " of " (counted(planned, "planned tap was", "planned taps were")) " refused; the reasons are below." } }
+            @if refused > 0 {
+                p {
+                    (refused) " of " (counted(planned, "planned tap was", "planned taps were")) " refused"
+                    @if let Some((reason, count)) = refusals.first() {
+                        ": " (reason)
+                        @if refusals.len() > 1 { " (" (count) " of them); all reasons are below" }
+                    }
+                    "."
+                }
+            }
             @if !open.is_empty() {
                 p {
                     "No limits or no verdict, which counts as RE-INSPECT: " (shown.join(", "))

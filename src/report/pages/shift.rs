@@ -109,7 +109,7 @@ fn page(
         header {
             p class="kind" { "tapline, report on a shift" }
             h1 { (name) }
-            (page::notices(evidence, &named))
+            (page::notices(evidence, &named, refusals))
             (rigs.notice())
             dl {
                 dt { "Tapped" } dd { (page::when(taps())) }

@@ -22,12 +22,13 @@ pub(crate) fn page(reader: &Reader, evidence: &Evidence, tyre: &Tyre) -> Result<
     let named: Vec<(String, &Shoulder)> =
         tyre.shoulders.iter().map(|shoulder| (format!("{} {}", side(geometry), shoulder.number), shoulder)).collect();
     let stations: Vec<String> = tyre.stations().iter().map(ToString::to_string).collect();
+    let refusals = refusals(reader, tyre)?;
     let archived = tyre.taps().filter(|tap| tap.found.is_some()).count();
     let body = html! {
         header {
             p class="kind" { "tapline, report on a " (body(geometry).to_lowercase()) }
             h1 { (body(geometry)) " " (tyre.serial) }
-            (page::notices(evidence, &named))
+            (page::notices(evidence, &named, &refusals))
             (page::verdict_light(tyre.verdict()))
             dl {
                 dt { "Tapped" } dd { (page::when(tyre.taps())) }
@@ -46,7 +47,7 @@ pub(crate) fn page(reader: &Reader, evidence: &Evidence, tyre: &Tyre) -> Result<
         (truth(evidence, tyre)?)
         section {
             h2 { "Taps" }
-            (page::ledger(&named, &refusals(reader, tyre)?))
+            (page::ledger(&named, &refusals))
         }
         section { h2 { "Lineage" } (page::lineage(evidence)) }
     };
