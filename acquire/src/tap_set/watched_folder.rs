@@ -40,6 +40,8 @@ pub struct FolderArrivals {
     stuck: BTreeSet<OsString>,
     /// What each set lacks that does not have both tables yet.
     half: Vec<String>,
+    /// Files that are in the folder itself and so in no set.
+    loose_count: usize,
     /// Sets that may not be read; they are tried again.
     unreadable: BTreeSet<OsString>,
     /// Why the folder itself cannot be read.
@@ -84,6 +86,7 @@ impl FolderArrivals {
             sets: Vec::new(),
             stuck: BTreeSet::new(),
             half: Vec::new(),
+            loose_count: 0,
             unreadable: BTreeSet::new(),
             fault: None,
             refusals: Vec::new(),
@@ -181,8 +184,8 @@ impl FolderArrivals {
 
     /// Begins the first complete set in the folder; returns whether one was begun or put aside.
     fn begin(&mut self) -> bool {
-        let names = match set_names(&self.folder) {
-            Ok(names) => names,
+        let (names, loose_count) = match set_names(&self.folder) {
+            Ok(found) => found,
             Err(error) => {
                 let error = error.to_string();
                 if self.fault.as_ref() != Some(&error) {
@@ -192,7 +195,7 @@ impl FolderArrivals {
                 return false;
             }
         };
-        self.fault = None;
+        (self.fault, self.loose_count) = (None, loose_count);
         self.stuck.retain(|name| names.contains(name));
         self.half.clear();
         self.unreadable.retain(|name| names.contains(name));
@@ -279,10 +282,14 @@ impl Arrivals for FolderArrivals {
         let folder = self.folder.display();
         match (&self.fault, &self.half[..]) {
             (Some(fault), _) => format!("the folder {folder}: {fault}"),
-            (None, []) => format!("a tap set in {folder}"),
+            (None, []) => match self.loose_count {
+                0 => format!("a tap set in {folder}"),
+                1 => format!("a tap set in {folder}: 1 file there is in no folder of its own"),
+                count => format!("a tap set in {folder}: {count} files there are in no folder of their own"),
+            },
             (None, [half]) => half.clone(),
-            (None, [first, _]) => format!("{first}, and what another set lacks"),
-            (None, [first, others @ ..]) => format!("{first}, and what {} other sets lack", others.len()),
+            (None, [first, _]) => format!("{first}; another set is incomplete too"),
+            (None, [first, others @ ..]) => format!("{first}; {} other sets are incomplete too", others.len()),
         }
     }
 
@@ -306,18 +313,20 @@ fn missing_tables(dir: &Path) -> io::Result<Vec<&'static str>> {
     Ok(missing)
 }
 
-/// The folders in `folder` that may be tap sets, in the order of their names. Links are left out.
-fn set_names(folder: &Path) -> io::Result<BTreeSet<OsString>> {
-    let mut names = BTreeSet::new();
+/// The folders in `folder` that may be tap sets, in the order of their names, and how many files lie beside them. Links are left out.
+fn set_names(folder: &Path) -> io::Result<(BTreeSet<OsString>, usize)> {
+    let (mut names, mut loose_count) = (BTreeSet::new(), 0);
     for entry in fs::read_dir(folder)? {
         let entry = entry?;
         let name = entry.file_name();
         let is_aside = name.as_encoded_bytes().starts_with(b".") || name == DONE || name == FAILED;
-        if !is_aside && entry.file_type().is_ok_and(|kind| kind.is_dir()) {
-            names.insert(name);
+        match entry.file_type() {
+            Ok(kind) if !is_aside && kind.is_dir() => drop(names.insert(name)),
+            Ok(kind) if !is_aside && kind.is_file() => loose_count += 1,
+            _ => {}
         }
     }
-    Ok(names)
+    Ok((names, loose_count))
 }
 
 /// Moves `set` into `folder`, with a number after its name if that is taken; returns its new path.

@@ -41,12 +41,16 @@ fn names_in(dir: &TempDir, folder: &str) -> Vec<String> {
     names
 }
 
-/// Catches sets in the wrong order, casings left out, and a set that is moved before all of its casings are done.
+/// Catches sets in the wrong order, casings left out, a set that is moved before all of its casings are done, and files that nobody says
+/// are in no set.
 #[test]
 fn sets_come_in_order_and_are_put_aside() {
     let (dir, mut folder) = watched();
     assert_eq!(next(&mut folder), None);
     assert!(folder.waits_for().starts_with("a tap set in ") && folder.waits_for().ends_with("inbox"));
+    fs::write(dir.path().join("inbox/taps.csv"), "").unwrap();
+    assert_eq!(next(&mut folder), None);
+    assert!(folder.waits_for().ends_with("inbox: 1 file there is in no folder of its own"), "{}", folder.waits_for());
     deliver(&dir, "b", &["B1"]);
     deliver(&dir, "a", &["A1", "A2"]);
     deliver(&dir, ".hidden", &["H"]);
@@ -118,7 +122,7 @@ fn bad_sets_are_put_aside_and_half_ones_waited_for() {
         fs::create_dir(inbox.join(name)).unwrap();
     }
     assert_eq!(next(&mut folder), None);
-    assert!(folder.waits_for().ends_with("inbox/b, and what 2 other sets lack"), "{}", folder.waits_for());
+    assert!(folder.waits_for().ends_with("inbox/b; 2 other sets are incomplete too"), "{}", folder.waits_for());
     for name in ["b", "e", "f"] {
         fs::remove_dir_all(inbox.join(name)).unwrap();
     }
