@@ -147,7 +147,8 @@ fn text(status: &Status) -> String {
         let shoulders: Vec<String> =
             verdict.shoulders.iter().map(|s| format!("{}/{} {}", s.tyre, s.shoulder, s.verdict)).collect();
         text.push_str(&format!(
-            "\n  {:<10} {}  {}",
+            "\n  {}  {:<10} {}  {}",
+            moment(verdict.at_ns),
             verdict.verdict.to_string(),
             shoulders.join(", "),
             verdict.file.display()

@@ -73,7 +73,7 @@ pub use read::regions::{Region, regions};
 pub use read::samples::{ReadBuffer, Taps};
 pub use read::verify::{Problem, Report, verify, verify_with};
 pub use repack::{Repacked, repack, repack_with};
-pub use stage::{Outcome, Places, RunError, StoreRun, Unreported, casing_id, run};
+pub use stage::{Finished, Outcome, Places, RunError, StoreRun, Unreported, casing_id, run};
 pub use tapline_codec::Codec;
 pub use write::Writer;
 pub use write::finish::Finishing;

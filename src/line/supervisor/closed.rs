@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use tapline_host::atomic_file::{Existing, write_atomically};
-use tapline_store::{Reader, Unreported};
+use tapline_store::{Finished, Places, Reader, Unreported};
 use tapline_wire::{CasingHeader, Reasons, now_ns};
 
 use crate::shown::casing::{CasingStatus, Layout, retaken};
@@ -30,7 +30,7 @@ impl Supervisor<'_> {
         }
         let is_again = match (self.is_list, number) {
             (true, _) => !self.known.insert(path.clone()),
-            (false, 0) => self.shown.verdicts.iter().any(|verdict| verdict.file == path),
+            (false, 0) => self.own_verdicts().iter().any(|verdict| verdict.file == path),
             (false, _) => false,
         };
         if is_again {
@@ -90,6 +90,34 @@ impl Supervisor<'_> {
                 return;
             }
         }
+    }
+
+    /// Shows the last verdicts of earlier lines in the folder, so that a line that starts anew does not begin with an empty page.
+    pub(super) fn recall(&mut self) {
+        for finished in Places::new(&self.shown.out, true).last_finished(SHOWN_MAX) {
+            if self.shown.verdicts.len() >= SHOWN_MAX {
+                return;
+            }
+            if self.shown.verdicts.iter().any(|verdict| verdict.file == finished.path) {
+                continue;
+            }
+            match earlier(&finished) {
+                Ok((verdict, last)) => {
+                    let mut stations = self.shown.stations.iter_mut();
+                    if let Some(station) = stations.find(|of| of.number == verdict.station && of.last.is_none()) {
+                        station.last = Some(last);
+                    }
+                    self.shown.verdicts.push(verdict);
+                }
+                Err(error) => tracing::warn!("{}: its verdict is not shown: {error:#}", finished.path.display()),
+            }
+        }
+    }
+
+    /// The verdicts that are shown but for those of earlier lines.
+    fn own_verdicts(&self) -> &[CasingVerdict] {
+        let own = self.shown.verdicts.iter().take_while(|verdict| verdict.at_ns >= self.started_at_ns).count();
+        &self.shown.verdicts[..own]
     }
 
     /// Reports the verdict on the casing of `note`; `was_open` says whether it has just left its station. Returns whether it was
@@ -152,15 +180,7 @@ impl Supervisor<'_> {
             Ok(latency_s) => latency_s.into_iter().for_each(|latency_s| self.shown.latency.note(latency_s)),
             Err(error) => tracing::warn!("{}: cannot read the times of its taps: {error:#}", verdict.file.display()),
         }
-        let ledger = reader.ledger();
-        let last = CasingStatus {
-            name: verdict.casing.clone(),
-            planned: ledger.taps().len(),
-            archived: verdict.archived,
-            refused: verdict.refused,
-            retaken: retaken(ledger),
-            shoulders: Layout::new(reader.plan().taps()).shoulders(Some(ledger)),
-        };
+        let last = as_judged(verdict, reader);
         if let Some(station) = self.shown.stations.iter_mut().find(|station| station.number == verdict.station) {
             station.tally.add(verdict, last.retaken);
             station.last = Some(last);
@@ -184,4 +204,26 @@ impl Supervisor<'_> {
         let station = self.shown.stations.iter_mut().find(|station| station.number == number);
         station.into_iter().for_each(|station| station.signs = self.rigs.of(number).to_vec());
     }
+}
+
+/// The state of a casing that is judged.
+fn as_judged(verdict: &CasingVerdict, reader: &Reader) -> CasingStatus {
+    let ledger = reader.ledger();
+    CasingStatus {
+        name: verdict.casing.clone(),
+        planned: ledger.taps().len(),
+        archived: verdict.archived,
+        refused: verdict.refused,
+        retaken: retaken(ledger),
+        shoulders: Layout::new(reader.plan().taps()).shoulders(Some(ledger)),
+    }
+}
+
+/// The verdict on a casing of an earlier line, and its state.
+fn earlier(finished: &Finished) -> Result<(CasingVerdict, CasingStatus)> {
+    let reader = Reader::open(&finished.path)?;
+    let number = reader.headers()?.into_iter().flatten().next().map_or(0, |header| header.stamp.casing);
+    let verdict = CasingVerdict::read(&finished.name, number, finished.at_ns, &reader)?;
+    let casing = as_judged(&verdict, &reader);
+    Ok((verdict, casing))
 }

@@ -124,6 +124,8 @@ pub(crate) struct Supervisor<'a> {
     /// When it was last asked whether there is something to show.
     looked_at: Instant,
     is_news: bool,
+    /// When this line started, in ns since the Unix epoch: earlier verdicts are of others.
+    started_at_ns: i64,
     /// Files of a list that are known to be closed: `store` reports each again when a station asks again.
     known: BTreeSet<PathBuf>,
     /// Settled taps of casings that are closed.
@@ -170,6 +172,7 @@ impl<'a> Supervisor<'a> {
             shown_at: Instant::now(),
             looked_at: Instant::now(),
             is_news: true,
+            started_at_ns: now_ns(),
             known: BTreeSet::new(),
             settled_closed: 0,
             settled_before: 0,
@@ -184,6 +187,9 @@ impl<'a> Supervisor<'a> {
     /// Runs the line until `count` casings are closed or refused, or, if it never ends, until it is asked to stop.
     pub(crate) fn until_done(mut self, count: Option<usize>) -> Result<Pace> {
         self.report_left();
+        if !self.is_list {
+            self.recall();
+        }
         let is_over = |s: &Self| count.is_some_and(|count| s.pace.closed + s.pace.refused >= count);
         while !is_over(&self) && !self.stop.load(Ordering::Relaxed) {
             self.line.wait(LOOK_EVERY)?;

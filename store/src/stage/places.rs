@@ -1,7 +1,9 @@
 //! Paths of the archives of a line: unfinished ones in one folder, finished ones under their names.
 
+use std::cmp::Reverse;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use jiff::Timestamp;
 use jiff::tz::TimeZone;
@@ -10,15 +12,35 @@ use tapline_wire::{NAME_BYTES_MAX, now_ns};
 
 use crate::error::{Context as _, Result};
 use crate::file::{ENDING, LEFT_FOLDER, OPEN_FOLDER, UNREPORTED_FOLDER};
+use crate::folder::Folder;
 
 /// What a name has in no file name.
 const ESCAPED: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'_').remove(b'.');
+
+/// A finished file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Finished {
+    /// When it was written last, in ns since the Unix epoch.
+    pub at_ns: i64,
+    /// Name of its casing; of a further file of a casing with its number, as `A17.2`.
+    pub name: String,
+    /// The file.
+    pub path: PathBuf,
+}
 
 /// Paths of the archives of a line.
 #[derive(Debug, Clone)]
 pub struct Places {
     out: PathBuf,
     is_dated: bool,
+}
+
+impl Finished {
+    fn at(path: PathBuf) -> Option<Self> {
+        let at = path.metadata().and_then(|there| there.modified()).ok()?;
+        let at = at.duration_since(SystemTime::UNIX_EPOCH).ok()?;
+        Some(Self { at_ns: i64::try_from(at.as_nanos()).ok()?, name: unescaped(&stem_of(&path)), path })
+    }
 }
 
 impl Places {
@@ -90,16 +112,42 @@ impl Places {
     /// All finished files of the casing `name`.
     pub(crate) fn all_finished(&self, name: &str) -> Vec<PathBuf> {
         let stem = escaped(name);
-        let mut folders = vec![self.out.clone()];
-        if self.is_dated {
-            let days = fs::read_dir(&self.out).into_iter().flatten().flatten();
-            folders.extend(days.map(|day| day.path()).filter(|day| day.is_dir()));
-        }
+        let folders = [vec![self.out.clone()], self.days()].concat();
         let mut files = Vec::new();
         for folder in folders {
             files.extend((1_u32..).map(|k| file_of(&folder, &stem, k)).take_while(|path| path.exists()));
         }
         files
+    }
+
+    /// The files that were finished last, at most `most`, the newest first; what cannot be read is left out.
+    pub fn last_finished(&self, most: usize) -> Vec<Finished> {
+        let mut found = Vec::new();
+        for day in self.days().iter().rev() {
+            let archives = Folder::list(day).map(|folder| folder.sorted().archives).unwrap_or_default();
+            let mut of_day: Vec<Finished> = archives.into_iter().filter_map(Finished::at).collect();
+            of_day.sort_unstable_by_key(|finished| Reverse(finished.at_ns));
+            found.extend(of_day);
+            if found.len() >= most {
+                break;
+            }
+        }
+        found.truncate(most);
+        found
+    }
+
+    /// The folders of days, in the order of time.
+    fn days(&self) -> Vec<PathBuf> {
+        if !self.is_dated {
+            return Vec::new();
+        }
+        let entries = fs::read_dir(&self.out).into_iter().flatten().flatten();
+        let is_day = |path: &PathBuf| {
+            path.is_dir() && path.file_name().is_some_and(|name| name.as_encoded_bytes()[0].is_ascii_digit())
+        };
+        let mut days: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(is_day).collect();
+        days.sort();
+        days
     }
 
     /// The path for the finished file of the casing `name`, which no file has.
