@@ -12,7 +12,7 @@
 //! - [`hop`]: records sent between processes, through shared memory and in other ways.
 //! - [`simulated`]: casings of two simulators, tapped and judged.
 //! - [`written`]: the files that a verb writes.
-//! - [`statistics`]: probability of detection, rates, gauge studies, intervals by resampling.
+//! - [`statistics`]: probability of detection, rates, gauge studies.
 
 pub mod chart;
 pub mod estimators;

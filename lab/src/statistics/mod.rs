@@ -7,7 +7,6 @@
 //!   every a90, and do not use a curve below f.
 //! - [`mean_interval`]: the interval of a mean of few values.
 //! - [`crossed`] and [`one_way()`]: gauge repeatability and reproducibility by analysis of variance.
-//! - [`auc_interval`]: the interval of the area under the ROC curve, by blocks of a ring.
 //! - [`nor_rmse`] and [`within_over_healthy`]: repeatability of two turns around a ring.
 //!
 //! Where the data give no answer, a [`Refusal`] names the reason in place of a number.
@@ -15,7 +14,6 @@
 mod a_hat;
 mod anova;
 mod beta;
-mod bootstrap;
 mod bound;
 mod few;
 mod gauge;
@@ -30,7 +28,6 @@ mod size;
 
 pub use a_hat::{A_HAT_TARGETS, AHat, a_hat};
 pub use anova::AnovaRow;
-pub use bootstrap::{Bootstrap, auc_interval};
 pub use few::AtLeast;
 pub use gauge::{Component, Crossed, Gauge, POOLED_ABOVE, crossed};
 pub use hit_miss::{HIT_MISS_TARGETS, HitMiss, hit_miss};

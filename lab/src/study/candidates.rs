@@ -138,15 +138,13 @@ pub(super) fn overlap_table(candidates: &[Candidate]) -> Table {
 pub(super) fn table(candidates: &[Candidate], seed: u64) -> Result<Table> {
     let mut table = Table::long(
         "indices",
-        "Each index by each reference on every set: AUC with intervals by blocks of locations and by tyres, and what the \
-         default rates made of sound shoulders",
+        "Each index by each reference on every set: AUC with intervals by tyres, and what the default rates made of sound \
+         shoulders",
         &[
             "set",
             "reference",
             "index",
             "auc",
-            "blocks_low",
-            "blocks_high",
             "tyres_low",
             "tyres_high",
             "sound_shoulders",
@@ -165,7 +163,6 @@ pub(super) fn table(candidates: &[Candidate], seed: u64) -> Result<Table> {
             candidate.index.name().into(),
             cell(candidate.areas.auc()),
         ];
-        row.extend(ends(candidate.areas.by_blocks(seed)));
         row.extend(ends(candidate.areas.by_tyres(seed)));
         let sound: Vec<&ShoulderResult> = candidate.judged.iter().filter(|j| j.is_sound()).collect();
         row.push(sound.len().into());
