@@ -16,16 +16,12 @@ fn counts(printed: &str, scene: &str) -> [usize; 3] {
 #[test]
 fn stated_rates_hold_on_both_simulators() {
     let example = Path::new(env!("CARGO_BIN_EXE_tapline-lab")).parent().unwrap().join("examples/rates");
-    let cache = tempfile::tempdir().unwrap();
     for simulator in ["plate", "model"] {
-        // Both need two turns, so that each set is simulated once; the counts are those of the first.
-        for (policy, repetitions) in [("fixed", "1,2"), ("adaptive", "1")] {
+        for policy in ["fixed", "adaptive"] {
             let done = Command::new(&example)
-                .args(["--simulator", simulator, "--policy", policy, "--reference", "8", "--repetitions", repetitions])
+                .args(["--simulator", simulator, "--policy", policy, "--reference", "8", "--repetitions", "1"])
                 .args(["--groups", "4", "--sound", "12", "--cracked", "4", "--seed", "31"])
                 .args(["--scene", "sound-smooth,sound-rough,gain08,strong-smooth,strong-rough"])
-                .arg("--cache")
-                .arg(cache.path())
                 .output()
                 .unwrap();
             let printed = String::from_utf8_lossy(&done.stdout);

@@ -14,7 +14,7 @@ use tapline_lab::statistics::clopper_pearson;
 use tapline_plate::ScanShape;
 use tapline_wire::{Discriminator, Reasons, Verdict};
 
-use crate::cache::Cache;
+use crate::sets::Sets;
 
 /// How a casing is scanned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -103,7 +103,7 @@ pub(crate) struct Cell {
 
 /// Judges `scene` in every group.
 pub(crate) fn judge_cell(
-    cache: &Cache,
+    sets: &mut Sets,
     scene: Scene,
     by: By,
     repetitions: u16,
@@ -114,10 +114,10 @@ pub(crate) fn judge_cell(
     let mut judged = Vec::new();
     let (mut standing_out, mut seconds) = (0, 0.0);
     for seed in seed..seed + groups {
-        let set = cache.judged(scene, casings, seed)?;
+        let set = sets.judged(scene, casings, seed)?;
         let known = match by {
             By::Own => None,
-            By::File(_) => Some(cache.reference(scene, seed)?),
+            By::File(_) => Some(sets.reference(scene, seed)?),
         };
         let begun = Instant::now();
         let mut config = FuseConfig::by(Reference::Own);

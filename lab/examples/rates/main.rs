@@ -1,23 +1,13 @@
 //! How often verdicts are right: sets of simulated casings, judged with references of sound ones.
 //!
-//! `cargo run --release -p tapline-lab --example rates -- --simulator plate --cache /tmp/rates` prints, for every scene,
-//! reference and number of repetitions, how many shoulders got which verdict with a 95 % interval, and how well the index
-//! and each discriminator alone rank the locations. Casings come in groups, each with its own reference; a shoulder
-//! is judged once in a cell.
-//!
-//! Simulated sets stay in the cache folder, one file per set: little-endian `f64`, and next to it a JSON head with the
-//! shape `[casing][shoulder][offset][velocity][repetition][location][column]`, the columns' names and the truth:
-//!
-//! ```python
-//! head = json.load(open("plate-smooth-sound-1-0123456789abcdef.json"))
-//! values = numpy.fromfile("plate-smooth-sound-1-0123456789abcdef.f64", "<f8").reshape(head["shape"])
-//! ```
+//! `cargo run --release -p tapline-lab --example rates -- --simulator plate` prints, for every scene, reference and number
+//! of repetitions, how many shoulders got which verdict with a 95 % interval, and how well the index and each discriminator
+//! alone rank the locations. Casings come in groups, each with its own reference; a shoulder is judged once in a cell.
 
-mod cache;
 mod cells;
+mod sets;
 
 use std::io::{self, Write as _};
-use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::{Context as _, Result, ensure};
@@ -26,8 +16,8 @@ use tapline_lab::simulated::{Scene, Simulator, Times};
 use tapline_plate::ScanShape;
 use tapline_process::{DurationEstimator, ProcessConfig};
 
-use cache::Cache;
 use cells::{Asked, By, Cell, Policy, judge_cell};
+use sets::Sets;
 
 /// Judges simulated casings and counts the verdicts.
 #[derive(Debug, Parser)]
@@ -35,9 +25,6 @@ struct Args {
     /// What simulates the casings.
     #[arg(long, value_enum, default_value = "plate")]
     simulator: Simulator,
-    /// Folder of simulated sets, kept from run to run.
-    #[arg(long, default_value = "target/rates")]
-    cache: PathBuf,
     /// What shoulders are compared with: `self`, or numbers of sound casings.
     #[arg(long, value_delimiter = ',', default_value = "8,12,self")]
     reference: Vec<By>,
@@ -127,31 +114,28 @@ fn main() -> Result<()> {
         ..ScanShape::default()
     };
     let process = ProcessConfig { tau: args.tau, ..ProcessConfig::default() };
-    let cache = Cache::new(&args.cache, args.simulator, shape, process, args.reference.iter().map(By::casings).max())?;
+    let taps_of_casing = shape.tap_count();
+    let mut sets = Sets::new(args.simulator, shape, process, args.reference.iter().map(By::casings).max());
     let begun = Instant::now();
     let mut out = io::stdout().lock();
     writeln!(
         out,
         "{:?}, {} groups, {} sound and {} cracked casings judged in each, {} taps a casing",
-        args.simulator,
-        args.groups,
-        args.sound,
-        args.cracked,
-        cache.shape().tap_count()
+        args.simulator, args.groups, args.sound, args.cracked, taps_of_casing
     )?;
     Cell::write_head(&mut out)?;
     for &scene in &args.scene {
         let judged_count = if scene.is_sound() { args.sound } else { args.cracked };
         for &by in &args.reference {
             for &repetitions in &args.repetitions {
-                let cell = judge_cell(&cache, scene, by, repetitions, judged_count, (args.seed, args.groups), asked)
+                let cell = judge_cell(&mut sets, scene, by, repetitions, judged_count, (args.seed, args.groups), asked)
                     .with_context(|| format!("{scene:?}, reference {by}, {repetitions} repetitions"))?;
                 cell.write(&mut out)?;
                 out.flush()?;
             }
         }
     }
-    let (taps, seconds) = cache.simulated();
+    let (taps, seconds) = (sets.tap_count(), sets.seconds);
     writeln!(out, "simulated {taps} taps in {seconds:.1} s; all took {:.1} s", begun.elapsed().as_secs_f64())?;
     Ok(())
 }

@@ -5,12 +5,13 @@ use std::ops::Range;
 use anyhow::Result;
 use rayon::prelude::*;
 use tapline_plate::ScanShape;
+use tapline_process::ProcessConfig;
 use tapline_wire::Verdict;
 
 use super::Bench;
 use super::point::{Error, Failure, LEVEL, exceeds};
 use super::size::Size;
-use crate::simulated::{Judged, Judging, Reading, ScanTaps, Scene, Set, Simulator, Tyre, judge, simulate};
+use crate::simulated::{Judged, Judging, ScanTaps, Scene, Set, Simulator, Tyre, judge, simulated};
 use crate::statistics::clopper_pearson;
 
 /// Offsets of the full plan, from the belt edge.
@@ -64,9 +65,8 @@ pub(crate) fn groups(bench: &Bench) -> Result<Vec<Group>> {
     for simulator in Simulator::ALL {
         for &(sound, cracked) in populations {
             for seed in bench.seeds() {
-                let set = |scene: Scene, tyres: Vec<Tyre>| -> Result<Set> {
-                    let sets = simulate(simulator, scene, &shape, &tyres, seed, &[Reading::default()])?;
-                    Ok(sets.into_iter().next().unwrap_or_else(|| unreachable!("one reading gives one set")))
+                let set = |scene: Scene, tyres: Vec<Tyre>| {
+                    simulated(simulator, scene, &shape, &tyres, seed, ProcessConfig::default())
                 };
                 let tyres = |scene: Scene, count| scene.tyres(shape.location_count, count, seed);
                 let reference = (0..casings.reference).map(|k| Tyre::sound(format!("reference-{k:03}"))).collect();

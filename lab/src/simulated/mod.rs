@@ -19,4 +19,4 @@ pub(crate) use reading::{Reader, quantised};
 pub use scan_taps::{ScanTaps, Times, Turn};
 pub use scene::{Crack, Scene, Simulator, Tyre};
 pub(crate) use set::simulate;
-pub use set::{COLUMNS, Set, values_of};
+pub use set::{Set, simulated};

@@ -3,7 +3,6 @@
 use clap::ValueEnum;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
-use serde::Serialize;
 use tapline_model::{FaultKind, PlantedFault, SimulationConfig};
 use tapline_plate::Population;
 use tapline_wire::{Discriminator, Serial, digest_of_parts};
@@ -12,7 +11,7 @@ use tapline_wire::{Discriminator, Serial, digest_of_parts};
 const NOISE_TIMES: f64 = 8.0;
 
 /// What simulates the casings.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Simulator {
     /// `tapline-model`.
     Model,
@@ -60,7 +59,7 @@ pub enum Scene {
 }
 
 /// A crack, as both simulators describe it.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone)]
 pub struct Crack {
     /// Its first location.
     pub first: u32,
@@ -77,7 +76,7 @@ pub struct Crack {
 }
 
 /// A casing; its cracks are in shoulder 1.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone)]
 pub struct Tyre {
     /// Serial number; with the seed it determines the casing.
     pub serial: String,
@@ -89,12 +88,6 @@ impl Tyre {
     /// A casing without a crack.
     pub fn sound(serial: String) -> Self {
         Self { serial, cracks: Vec::new() }
-    }
-
-    /// Whether a crack lies at `location` of `shoulder`.
-    pub fn is_cracked(&self, shoulder: u16, location: u32) -> bool {
-        shoulder == 1
-            && self.cracks.iter().any(|c| (location + c.location_count - c.first) % c.location_count < c.count)
     }
 
     /// The casing for `plate`.

@@ -15,8 +15,8 @@ use super::scan_taps::ScanTaps;
 use super::scene::{Scene, Simulator, Tyre};
 use crate::in_memory::scanned;
 
-/// Numbers of a tap: its discriminators and the velocity as measured.
-pub const COLUMNS: usize = Discriminator::COUNT + 1;
+/// What a tap gave: its discriminators, and the velocity as measured.
+type Found = (Values, f64);
 
 /// How often an unusable tap is taken again, as by default.
 const RETAKES: u16 = 2;
@@ -28,8 +28,8 @@ pub struct Set {
     pub tyres: Vec<Tyre>,
     /// The taps of each.
     pub shape: ScanShape,
-    /// `[casing][shoulder][offset][velocity][repetition][location][column]`.
-    values: Vec<f64>,
+    /// `[casing][shoulder][offset][velocity][repetition][location]`.
+    found: Vec<Found>,
 }
 
 /// What each of `readings` finds in every tap of `tyres` in `scene`, planned by `shape`: one set per reading, in order.
@@ -64,7 +64,7 @@ pub(crate) fn simulate(
     };
     let set = |number: usize| {
         let found = taps.iter().map(|of_tap| &of_tap[number]);
-        Ok(Set { tyres: tyres.to_vec(), shape: shape.clone(), values: values_in_order(tyres, shape, &plan, found)? })
+        Ok(Set { tyres: tyres.to_vec(), shape: shape.clone(), found: in_order(tyres, shape, &plan, found)? })
     };
     (0..readings.len()).map(set).collect()
 }
@@ -102,42 +102,46 @@ fn modelled(
     Ok(scanned(&scan, simulation, || Reader::new(readings), Reader::read)?.1)
 }
 
-/// The values of every tap of `tyres` in `scene` by `process`, as a set keeps them:
-/// `[casing][shoulder][offset][velocity][repetition][location][column]`.
+/// Every tap of `tyres` in `scene`, planned by `shape` and read by `process`.
 ///
 /// # Errors
 /// A setting out of its bounds.
-pub fn values_of(
+pub fn simulated(
     simulator: Simulator,
     scene: Scene,
     shape: &ScanShape,
     tyres: &[Tyre],
     seed: u64,
     process: ProcessConfig,
-) -> Result<Vec<f64>> {
+) -> Result<Set> {
     let sets = simulate(simulator, scene, shape, tyres, seed, &[Reading { process, ..Reading::default() }])?;
-    Ok(sets.into_iter().next().context("there is one reading")?.values)
+    sets.into_iter().next().context("there is one reading")
 }
 
-/// The values of `found`, in the order of a set.
-fn values_in_order<'a>(
+/// What was found, in the order of a set.
+fn in_order<'a>(
     tyres: &[Tyre],
     shape: &ScanShape,
     plan: &Plan,
     found: impl ExactSizeIterator<Item = &'a Discriminators>,
-) -> Result<Vec<f64>> {
-    let mut values = vec![f64::NAN; tyres.len() * shape.tap_count() * COLUMNS];
+) -> Result<Vec<Found>> {
+    let mut all = vec![(Values::default(), f64::NAN); tyres.len() * shape.tap_count()];
     let numbers = numbers_of(tyres);
     ensure!(plan.taps().len() == found.len(), "a tap was not taken");
     for tap in found {
         let casing = *numbers.get(tap.id.tyre.as_str()).context("a tap of another casing")?;
-        let at = place(shape, casing, &tap.id)? * COLUMNS;
-        for (out, which) in values[at..].iter_mut().zip(Discriminator::ALL) {
-            *out = tap.values.get(which).unwrap_or(f64::NAN);
-        }
-        values[at + Discriminator::COUNT] = tap.velocity_measured_m_per_s;
+        all[place(shape, casing, &tap.id)?] = (tap.values, tap.velocity_measured_m_per_s);
     }
-    Ok(values)
+    Ok(all)
+}
+
+/// `values`, each changed by `change`.
+fn changed(values: Values, change: impl Fn(Discriminator, f64) -> f64) -> Values {
+    let mut changed = Values::default();
+    for which in Discriminator::ALL {
+        changed.set(which, values.get(which).map(|value| change(which, value)));
+    }
+    changed
 }
 
 /// The number of each casing, by its serial.
@@ -146,25 +150,12 @@ fn numbers_of(tyres: &[Tyre]) -> BTreeMap<&str, usize> {
 }
 
 impl Set {
-    /// A set that was simulated before.
-    ///
-    /// # Errors
-    /// If there are not as many values as the shape and the casings have.
-    pub fn new(tyres: Vec<Tyre>, shape: ScanShape, values: Vec<f64>) -> Result<Self> {
-        let wanted = tyres.len() * shape.tap_count() * COLUMNS;
-        ensure!(values.len() == wanted, "the set has {} values instead of {wanted}", values.len());
-        Ok(Self { tyres, shape, values })
-    }
-
     /// The same with every value changed by `change`, which gets the number of the tap in the set.
     pub fn changed(&self, change: impl Fn(usize, Discriminator, f64) -> f64) -> Self {
-        let mut changed = self.clone();
-        for (tap, values) in changed.values.chunks_mut(COLUMNS).enumerate() {
-            for (value, which) in values.iter_mut().zip(Discriminator::ALL) {
-                *value = change(tap, which, *value);
-            }
-        }
-        changed
+        let of = |(tap, &(values, velocity)): (usize, &Found)| {
+            (changed(values, |which, value| change(tap, which, value)), velocity)
+        };
+        Self { found: self.found.iter().enumerate().map(of).collect(), ..self.clone() }
     }
 
     /// The number in the set of the first casing's tap that a scan of `taps` makes first; its neighbours follow.
@@ -193,11 +184,7 @@ impl Set {
             let mut record = self.record(casing, plan_index, tap)?;
             if scene.changes_a_turn() && self.is_turn_changed(casing, taps, tap)? {
                 let gone = f64::from(tap.id.location) / f64::from(self.shape.location_count);
-                let mut values = Values::default();
-                for which in Discriminator::ALL {
-                    values.set(which, record.values.get(which).map(|value| scene.changed(which, value, gone)));
-                }
-                record.values = values;
+                record.values = changed(record.values, |which, value| scene.changed(which, value, gone));
             }
             Ok(record)
         });
@@ -231,13 +218,8 @@ impl Set {
     }
 
     fn record(&self, casing: usize, plan_index: u32, tap: &PlannedTap) -> Result<Discriminators> {
-        let at = place(&self.shape, casing, &tap.id)? * COLUMNS;
-        let of_tap = self.values.get(at..at + COLUMNS).context("a tap that is not in the set")?;
-        let mut values = Values::default();
-        for (&value, which) in of_tap.iter().zip(Discriminator::ALL) {
-            values.set(which, Some(value));
-        }
-        let velocity_measured_m_per_s = of_tap[Discriminator::COUNT];
+        let at = place(&self.shape, casing, &tap.id)?;
+        let &(values, velocity_measured_m_per_s) = self.found.get(at).context("a tap that is not in the set")?;
         Ok(Discriminators { id: tap.id, plan_index, velocity_measured_m_per_s, values, ..Discriminators::default() })
     }
 }

@@ -1,0 +1,64 @@
+//! Sets of casings, each simulated once.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::Result;
+use tapline_lab::simulated::{Scene, Set, Simulator, Tyre, simulated};
+use tapline_plate::ScanShape;
+use tapline_process::ProcessConfig;
+
+/// The sets of a simulator.
+#[derive(Debug)]
+pub(crate) struct Sets {
+    simulator: Simulator,
+    shape: ScanShape,
+    process: ProcessConfig,
+    /// Sound casings of a group that are kept for references.
+    reference_casings: usize,
+    known: BTreeMap<(String, u64), Arc<Set>>,
+    /// How long the simulation took.
+    pub seconds: f64,
+}
+
+impl Sets {
+    pub(crate) fn new(
+        simulator: Simulator,
+        shape: ScanShape,
+        process: ProcessConfig,
+        reference_casings: Option<usize>,
+    ) -> Self {
+        let reference_casings = reference_casings.unwrap_or(0);
+        Self { simulator, shape, process, reference_casings, known: BTreeMap::new(), seconds: 0.0 }
+    }
+
+    /// Taps simulated so far.
+    pub(crate) fn tap_count(&self) -> usize {
+        self.known.values().map(|set| set.tyres.len() * self.shape.tap_count()).sum()
+    }
+
+    /// The sound casings that references of a group are made of.
+    pub(crate) fn reference(&mut self, scene: Scene, seed: u64) -> Result<Arc<Set>> {
+        let scene = scene.reference_scene();
+        let tyres = (0..self.reference_casings).map(|k| Tyre::sound(format!("reference-{k:03}"))).collect();
+        self.set(scene, format!("{}-reference", scene.set_name()), tyres, seed)
+    }
+
+    /// `count` casings of a group that are judged.
+    pub(crate) fn judged(&mut self, scene: Scene, count: usize, seed: u64) -> Result<Arc<Set>> {
+        let tyres = scene.tyres(self.shape.location_count, count, seed);
+        self.set(scene, scene.set_name().to_owned(), tyres, seed)
+    }
+
+    fn set(&mut self, scene: Scene, name: String, tyres: Vec<Tyre>, seed: u64) -> Result<Arc<Set>> {
+        if let Some(set) = self.known.get(&(name.clone(), seed)) {
+            return Ok(set.clone());
+        }
+        let begun = Instant::now();
+        let set = Arc::new(simulated(self.simulator, scene, &self.shape, &tyres, seed, self.process)?);
+        self.seconds += begun.elapsed().as_secs_f64();
+        self.known.insert((name, seed), set.clone());
+        Ok(set)
+    }
+}
