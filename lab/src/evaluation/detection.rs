@@ -87,13 +87,7 @@ impl Detection {
             marks.push(Mark::Line(sizes().filter_map(|x| Some((x, a.pod(x)?))).collect(), COLORS[1], 2.25));
             marks.push(Mark::Line(sizes().filter_map(|x| Some((x, a.pod_lower_95(x)?))).collect(), COLORS[1], 1.0));
         }
-        Plot {
-            name,
-            x: axis(label, (low, high), 8),
-            y: axis("Probability of detection", (-0.05, 1.05), 6),
-            rows: Vec::new(),
-            marks,
-        }
+        Plot::new(name, axis(label, (low, high), 8), axis("Probability of detection", (-0.05, 1.05), 6), marks)
     }
 }
 

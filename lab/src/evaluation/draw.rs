@@ -5,7 +5,9 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
 use tapline_draw::axes::{Axis, Chart, Frame, axes};
+use tapline_draw::boxplot::BoxStats;
 use tapline_draw::canvas::{self, Area, INK, PALE_INK, Point, at, line, units, write};
+use tapline_draw::palette::COLORS;
 
 const WIDTH: f64 = 900.0;
 const EDGE: f64 = 14.0;
@@ -16,11 +18,15 @@ const BOTTOM_ROOM: f64 = 46.0;
 const RIGHT_ROOM: f64 = 20.0;
 /// Space above a plot, for its name.
 const NAME_ROOM: f64 = 26.0;
+/// Height of the keys.
+const KEYS: f64 = 72.0;
+/// Half the width of a box, where columns are 1 apart.
+pub(crate) const HALF_BOX: f64 = 0.28;
 
 /// What is drawn on a pair of axes.
 #[derive(Debug, Clone)]
 pub(crate) enum Mark {
-    /// A line through points, of a width in pixels.
+    /// A line through points, of a width in pixels; a point that is not finite interrupts it.
     Line(Vec<Point>, RGBColor, f64),
     /// Dots of a radius in pixels.
     Dots(Vec<Point>, RGBColor, f64),
@@ -28,6 +34,21 @@ pub(crate) enum Mark {
     Rings(Vec<Point>, RGBColor, f64),
     /// From the one to the other end.
     Bar(Point, Point, RGBColor),
+    /// A rectangle between two corners.
+    Filled([Point; 2], RGBAColor),
+    /// Rectangles that touch each other.
+    Cells(Vec<([Point; 2], RGBColor)>),
+    /// A boxplot around an abscissa.
+    Box(f64, BoxStats, RGBColor),
+}
+
+/// What a colour means.
+#[derive(Debug, Clone)]
+pub(crate) enum Key {
+    /// That of a line.
+    Line(String, RGBColor),
+    /// Those of patches side by side, with words before and after.
+    Patches(String, Vec<RGBAColor>, String),
 }
 
 /// A pair of axes with what is on it.
@@ -38,18 +59,21 @@ pub(crate) struct Plot {
     pub y: Axis,
     /// Names of the rows, from the top, in place of the labels of the ordinate; then y is the row, from 0.
     pub rows: Vec<String>,
+    /// The same of columns, below the abscissa.
+    pub columns: Vec<String>,
     pub marks: Vec<Mark>,
 }
 
 /// One picture.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Picture {
+    /// Name of its file.
     pub name: &'static str,
     /// Name of the table it belongs to.
     pub beside: &'static str,
     pub title: &'static str,
     pub note: String,
-    pub keys: Vec<(String, RGBColor)>,
+    pub keys: Vec<Key>,
     pub columns: usize,
     /// Height of the axes of a plot.
     pub height: f64,
@@ -60,34 +84,46 @@ pub(crate) fn axis(label: &str, range: Point, label_count: usize) -> Axis {
     Axis { label: label.to_owned(), range, label_count }
 }
 
+/// Keys of lines in the palette's colours.
+pub(crate) fn keys(names: &[&str]) -> Vec<Key> {
+    names.iter().zip(COLORS).map(|(&name, color)| Key::Line(name.to_owned(), color)).collect()
+}
+
 impl Picture {
     /// The picture as SVG.
     pub(crate) fn svg(&self) -> Result<String> {
         let rows = self.plots.len().div_ceil(self.columns);
         let height = HEAD + rows as f64 * self.row_height() + EDGE;
         let svg = canvas::svg((WIDTH as u32, height.ceil() as u32), |area| self.draw(area))?;
+        // Otherwise lines of half-covered pixels would separate the cells.
+        let has_cells = self.plots.iter().flat_map(|plot| &plot.marks).any(|mark| matches!(mark, Mark::Cells(_)));
+        let svg = if has_cells { svg.replacen("<svg ", "<svg shape-rendering=\"crispEdges\" ", 1) } else { svg };
+        // The library writes out these default values.
         Ok(svg.replace(" opacity=\"1\"", "").replace(" stroke=\"none\"", ""))
     }
 
+    /// Space above a plot, less if none has a name.
+    fn name_room(&self) -> f64 {
+        if self.plots.iter().all(|plot| plot.name.is_empty()) { 4.0 } else { NAME_ROOM }
+    }
+
     fn row_height(&self) -> f64 {
-        NAME_ROOM + self.height + BOTTOM_ROOM
+        self.name_room() + self.height + BOTTOM_ROOM
     }
 
     fn draw(&self, area: &Area<'_>) -> Result<()> {
         write(area, self.title, (EDGE, 22.0), 17.0, INK, HPos::Left, true)?;
         write(area, &self.note, (EDGE, 46.0), 12.0, PALE_INK, HPos::Left, false)?;
         let mut x = EDGE;
-        for (name, color) in &self.keys {
-            area.draw(&PathElement::new([(x, 72.0), (x + 22.0, 72.0)].map(at).to_vec(), line(*color, 3.0)))?;
-            write(area, name, (x + 28.0, 72.0), 12.0, INK, HPos::Left, false)?;
-            x += 48.0 + 6.6 * name.chars().count() as f64;
+        for key in &self.keys {
+            x = key.draw(area, x)?;
         }
         let width = (WIDTH - 2.0 * EDGE) / self.columns as f64;
         for (number, plot) in self.plots.iter().enumerate() {
             let (row, column) = (number / self.columns, number % self.columns);
             let left_room = LEFT_ROOM + if plot.rows.is_empty() { 0.0 } else { 40.0 };
             let left = EDGE + column as f64 * width;
-            let top = HEAD + row as f64 * self.row_height() + NAME_ROOM;
+            let top = HEAD + row as f64 * self.row_height() + self.name_room();
             let frame = Frame {
                 left: left + left_room,
                 right: left + width - RIGHT_ROOM,
@@ -103,12 +139,44 @@ impl Picture {
     }
 }
 
+impl Key {
+    /// Draws the key at `x`; returns where the next one is.
+    fn draw(&self, area: &Area<'_>, mut x: f64) -> Result<f64> {
+        let words = |text: &str, x: f64| write(area, text, (x, KEYS), 12.0, INK, HPos::Left, false);
+        let width_of = |text: &str| 6.6 * text.chars().count() as f64;
+        match self {
+            Self::Line(name, color) => {
+                area.draw(&PathElement::new([(x, KEYS), (x + 22.0, KEYS)].map(at).to_vec(), line(*color, 3.0)))?;
+                words(name, x + 28.0)?;
+                Ok(x + 48.0 + width_of(name))
+            }
+            Self::Patches(before, colors, after) => {
+                words(before, x)?;
+                x += width_of(before) + 6.0;
+                for color in colors {
+                    let corners = [(x, KEYS - 6.0), (x + 22.0, KEYS + 6.0)].map(at);
+                    area.draw(&Rectangle::new(corners, color.filled()))?;
+                    x += 22.0;
+                }
+                words(after, x + 6.0)?;
+                Ok(x + 24.0 + width_of(after))
+            }
+        }
+    }
+}
+
 impl Plot {
+    pub(crate) fn new(name: String, x: Axis, y: Axis, marks: Vec<Mark>) -> Self {
+        Self { name, x, y, rows: Vec::new(), columns: Vec::new(), marks }
+    }
+
     fn draw(&self, area: &Area<'_>, frame: &Frame) -> Result<()> {
-        let row_count = self.rows.len() as f64;
+        let (row_count, column_count) = (self.rows.len() as f64, self.columns.len() as f64);
         let by_rows = axis("", (row_count, 0.0), 0);
+        let by_columns = axis(&self.x.label, (0.0, column_count), 0);
+        let x = if self.columns.is_empty() { &self.x } else { &by_columns };
         let y = if self.rows.is_empty() { &self.y } else { &by_rows };
-        let mut chart = axes(area, frame, &self.x, y)?;
+        let mut chart = axes(area, frame, x, y)?;
         for mark in &self.marks {
             mark.draw(&mut chart)?;
         }
@@ -116,29 +184,41 @@ impl Plot {
             let height = frame.top + (row as f64 + 0.5) / row_count * (frame.bottom - frame.top);
             write(area, name, (frame.left - 8.0, height), 12.0, INK, HPos::Right, false)?;
         }
+        for (column, name) in self.columns.iter().enumerate() {
+            let middle = frame.left + (column as f64 + 0.5) / column_count * (frame.right - frame.left);
+            write(area, name, (middle, frame.bottom + 12.0), 12.0, PALE_INK, HPos::Center, false)?;
+        }
         Ok(())
     }
 }
 
 impl Mark {
     fn draw(&self, chart: &mut Chart<'_, '_>) -> Result<()> {
-        let is_number = |p: &&Point| p.0.is_finite() && p.1.is_finite();
+        let is_number = |p: &Point| p.0.is_finite() && p.1.is_finite();
         match self {
             Self::Line(points, color, width) => {
-                let points: Vec<Point> = points.iter().filter(is_number).copied().collect();
-                chart.draw_series([PathElement::new(points, line(*color, *width))])?;
+                for run in points.split(|p| !is_number(p)).filter(|run| !run.is_empty()) {
+                    chart.draw_series([PathElement::new(run.to_vec(), line(*color, *width))])?;
+                }
             }
             Self::Dots(points, color, radius) => {
                 let dot = |&p: &Point| Circle::new(p, units(*radius), color.filled());
-                chart.draw_series(points.iter().filter(is_number).map(dot))?;
+                chart.draw_series(points.iter().filter(|p| is_number(p)).map(dot))?;
             }
             Self::Rings(points, color, radius) => {
                 let ring = |&p: &Point| Circle::new(p, units(*radius), line(*color, 2.0));
-                chart.draw_series(points.iter().filter(is_number).map(ring))?;
+                chart.draw_series(points.iter().filter(|p| is_number(p)).map(ring))?;
             }
             Self::Bar(from, to, color) => {
                 chart.draw_series([PathElement::new(vec![*from, *to], line(*color, 2.0))])?;
             }
+            Self::Filled(corners, color) => {
+                chart.draw_series([Rectangle::new(*corners, color.filled())])?;
+            }
+            Self::Cells(cells) => {
+                chart.draw_series(cells.iter().map(|(corners, color)| Rectangle::new(*corners, color.filled())))?;
+            }
+            Self::Box(x, stats, color) => stats.draw(chart, (*x, HALF_BOX), *color)?,
         }
         Ok(())
     }

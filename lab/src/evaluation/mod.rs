@@ -13,7 +13,7 @@ mod table;
 pub(crate) use areas::{Areas, FALSE_ALARMS, FoundAt};
 pub(crate) use call::Call;
 pub(crate) use detection::{DETECTION_COLUMNS, Detection, Target};
-pub(crate) use draw::{Mark, Picture, Plot, axis};
+pub(crate) use draw::{HALF_BOX, Key, Mark, Picture, Plot, axis, keys};
 pub(crate) use gauge::{GAUGE_COLUMNS, Reading, crossed_cells, one_way_cells, refused_cells};
 pub(crate) use page::{page_of, print_tables};
 pub(crate) use shoulder::{ShoulderResult, overlap};

@@ -1,6 +1,6 @@
 //! What is drawn: probability of detection, responses against size, and ROC curves.
 
-use crate::evaluation::{Detection, FALSE_ALARMS, Mark, Picture, Plot, axis};
+use crate::evaluation::{Detection, FALSE_ALARMS, Mark, Picture, Plot, axis, keys};
 use tapline_draw::canvas::{PALE_INK, Point};
 use tapline_draw::palette::COLORS;
 
@@ -29,10 +29,6 @@ fn sizes(detection: &Detection) -> Point {
     let low = sizes().min_by(f64::total_cmp).unwrap_or(1.0);
     let high = sizes().max_by(f64::total_cmp).unwrap_or(low);
     (0.9 * low, 1.1 * high)
-}
-
-fn keys(names: &[&str]) -> Vec<(String, plotters::style::RGBColor)> {
-    names.iter().map(|&name| name.to_owned()).zip(COLORS).collect()
 }
 
 fn pod(detections: &[Detection]) -> Picture {
@@ -72,13 +68,8 @@ fn responses(detections: &[Detection]) -> Picture {
             Err(_) => name.push_str(": no line"),
         }
         marks.extend([Mark::Rings(at(true), COLORS[2], 2.5), Mark::Rings(at(false), COLORS[3], 2.5)]);
-        Plot {
-            name,
-            x: axis(SIZE, (low, high), 8),
-            y: axis("Damage index over the limit", (least - 0.1, 1.1 * most), 6),
-            rows: Vec::new(),
-            marks,
-        }
+        let y = axis("Damage index over the limit", (least - 0.1, 1.1 * most), 6);
+        Plot::new(name, axis(SIZE, (low, high), 8), y, marks)
     };
     let mut keys = keys(&["", "line in ln(size)", "found", "missed"]);
     keys.remove(0);
@@ -95,15 +86,13 @@ fn responses(detections: &[Detection]) -> Picture {
 }
 
 fn roc(rocs: &[Roc]) -> Picture {
-    let plot = |roc: &Roc| Plot {
-        name: roc.things.to_owned(),
-        x: axis("Sound ones called", (0.0, 1.0), 6),
-        y: axis("Cracked ones called", (0.0, 1.05), 6),
-        rows: Vec::new(),
-        marks: vec![
+    let plot = |roc: &Roc| {
+        let marks = vec![
             Mark::Line(vec![(FALSE_ALARMS, 0.0), (FALSE_ALARMS, 1.0)], PALE_INK, 1.0),
             Mark::Line(roc.areas.roc_points(), COLORS[0], 1.75),
-        ],
+        ];
+        let (x, y) = (axis("Sound ones called", (0.0, 1.0), 6), axis("Cracked ones called", (0.0, 1.05), 6));
+        Plot::new(roc.things.to_owned(), x, y, marks)
     };
     Picture {
         name: "roc",

@@ -1,6 +1,6 @@
 //! What is drawn of the study: ROC, indices with intervals, and probability of detection.
 
-use crate::evaluation::{Areas, Detection, Mark, Picture, Plot, axis};
+use crate::evaluation::{Areas, Detection, Mark, Picture, Plot, axis, keys};
 use plotters::style::RGBColor;
 use tapline_fuse::IndexKind;
 
@@ -31,20 +31,19 @@ fn roc(candidates: &[Candidate], sets: &[&'static str]) -> Picture {
             let candidate = find(candidates, set, reference, index)?;
             Some(Mark::Line(candidate.areas.roc_points(), color, 1.75))
         };
-        Plot {
-            name: set.to_owned(),
-            x: axis("Sound locations called", (0.0, 0.5), 6),
-            y: axis("Cracked locations called", (0.5, 1.0), 6),
-            rows: Vec::new(),
-            marks: shown.iter().zip(COLORS).rev().filter_map(curve).map(cut).collect(),
-        }
+        Plot::new(
+            set.to_owned(),
+            axis("Sound locations called", (0.0, 0.5), 6),
+            axis("Cracked locations called", (0.5, 1.0), 6),
+            shown.iter().zip(COLORS).rev().filter_map(curve).map(cut).collect(),
+        )
     };
     Picture {
         name: "roc",
         beside: "default",
         title: "Cracked against sound locations, set by set",
         note: "Each point is a limit on the index; tyres that took no part in the reference. The upper left quarter is shown.".to_owned(),
-        keys: shown.iter().zip(COLORS).map(|(&(_, _, name), color)| (name.to_owned(), color)).collect(),
+        keys: keys(&shown.map(|(_, _, name)| name)),
         columns: 3,
         height: 190.0,
         plots: sets.iter().map(plot).collect(),
@@ -104,18 +103,14 @@ fn indices(candidates: &[Candidate], alone: &[SingleDiscriminator], sets: &[&'st
             marks.insert(0, Mark::Line(vec![(single, 0.0), (single, rows.len() as f64)], INK, 1.25));
         }
         let best = best_alone(alone, set).map_or_else(String::new, |a| format!("; line: {} alone", a.which.name()));
-        Plot { name: format!("{set}{best}"), x: axis("AUC", (from, 1.0), 5), y: axis("", (0.0, 1.0), 0), rows, marks }
+        Plot { rows, ..Plot::new(format!("{set}{best}"), axis("AUC", (from, 1.0), 5), axis("", (0.0, 1.0), 0), marks) }
     };
     Picture {
         name: "indices",
         beside: "default",
         title: "Indices, and discriminators alone, on every set",
         note: "AUC of tyres that took no part in the reference, with 95 % intervals by whole tyres.".to_owned(),
-        keys: ["healthy reference", "self", "a discriminator alone, healthy reference"]
-            .map(str::to_owned)
-            .into_iter()
-            .zip(COLORS)
-            .collect(),
+        keys: keys(&["healthy reference", "self", "a discriminator alone, healthy reference"]),
         columns: 3,
         height: 210.0,
         plots: sets.iter().map(plot).collect(),
@@ -128,11 +123,7 @@ fn pod(detection: &[Detection]) -> Picture {
         beside: "detection",
         title: "Probability of detection against the length of the crack",
         note: "Default index, healthy reference. Thin: lower 95 % bound. Grey: 90 %.".to_owned(),
-        keys: ["by hit and miss", "by response", "found", "missed"]
-            .map(str::to_owned)
-            .into_iter()
-            .zip(COLORS)
-            .collect(),
+        keys: keys(&["by hit and miss", "by response", "found", "missed"]),
         columns: 2,
         height: 240.0,
         plots: detection.iter().map(|d| d.plot("Length across the shoulder in mm", (3.0, 31.0))).collect(),

@@ -4,9 +4,8 @@ use tapline_draw::canvas::number;
 use tapline_draw::palette::COLORS;
 use tapline_wire::Discriminator;
 
-use super::{Figure, Table, around, cell, ring_plot, shades};
+use super::{Figure, Key, Mark, Picture, Plot, Table, around, axis, cell, keys, ordinate, ring_plot, shades};
 use crate::experiment::dataset::{Experiment, Tap};
-use crate::experiment::draw::{Content, Curve, Key, Picture, Plot};
 use crate::experiment::tyres::{CRACKED_SPOT, SLOWEST_M_PER_S, SOUND_SPOT, VELOCITY_M_PER_S};
 
 /// Fig. 60: the peak of the sound at four offsets.
@@ -19,22 +18,18 @@ pub(super) fn of_offset(experiment: &Experiment) -> Figure {
             table.push_texts(place.into_iter().chain([tap.severity.to_string(), cell(tap.peak_v)]));
         }
     }
-    let curves =
+    let curves: Vec<Mark> =
         turns.iter().zip(COLORS).map(|((_, turn), color)| around(turn, color, 1.75, |tap| Some(tap.peak_v))).collect();
-    let mut keys: Vec<Key> = turns
-        .iter()
-        .zip(COLORS)
-        .map(|((x_mm, _), color)| Key::Line(format!("x = {} mm", number(*x_mm)), color))
-        .collect();
-    keys.push(Key::Severity);
+    let lines = turns.iter().zip(COLORS).map(|((x_mm, _), color)| (format!("x = {} mm", number(*x_mm)), color));
     let under = turns.first().map_or_else(Vec::new, |(_, turn)| shades(turn));
     let picture = Picture {
-        title: "Fig. 60: peak of the sound, by location of impact".to_owned(),
+        title: "Fig. 60: peak of the sound, by location of impact",
         note: format!("Representative tyre, shoulder 1, {} m/s; shades: severity at x = 0", number(VELOCITY_M_PER_S)),
-        keys,
+        keys: keys(lines),
         columns: 1,
         height: 300.0,
-        plots: vec![ring_plot(String::new(), "Peak in V", None, curves, under)],
+        plots: vec![ring_plot(String::new(), ordinate("Peak in V", &curves), curves, &under)],
+        ..Picture::default()
     };
     Figure { picture, table }
 }
@@ -57,25 +52,19 @@ pub(super) fn of_velocity_at_one_place(experiment: &Experiment) -> Figure {
         let scales: Vec<f64> = points.iter().map(|(v, tau_ms)| tau_ms * v.powf(0.2)).collect();
         let scale = tapline_draw::stats::mean(&scales).unwrap_or(f64::NAN);
         let law = (0..=34).map(|k| 1.0 + 0.05 * f64::from(k)).map(|v| (v, scale * v.powf(-0.2))).collect();
-        curves.push(Curve { points: law, color, width: 1.25, has_dots: false });
-        curves.push(Curve { points, color, width: 2.2, has_dots: true });
+        curves.extend([Mark::Line(law, color, 1.25), Mark::Dots(points, color, 2.2)]);
         keys.push(Key::Line(format!("{name} place; line: V to the power −0.2"), color));
     }
-    let plot = Plot {
-        name: String::new(),
-        x_label: "Impact velocity in m/s",
-        x: (0.95, 2.75),
-        y_label: "Contact time in ms",
-        y: None,
-        content: Content::Curves { curves, shades: Vec::new() },
-    };
+    let y = ordinate("Contact time in ms", &curves);
+    let plot = Plot::new(String::new(), axis("Impact velocity in m/s", (0.95, 2.75), 14), y, curves);
     let picture = Picture {
-        title: "Fig. 61: contact time against velocity at one place".to_owned(),
+        title: "Fig. 61: contact time against velocity at one place",
         note: format!("Lowest velocity V₀ = {} m/s; ten taps at each; crack 6 mm deep", number(SLOWEST_M_PER_S)),
         keys,
         columns: 1,
         height: 300.0,
         plots: vec![plot],
+        ..Picture::default()
     };
     Figure { picture, table }
 }
@@ -92,24 +81,26 @@ pub(super) fn of_velocity(experiment: &Experiment) -> Figure {
             table.push_texts(place.into_iter().chain(values));
         }
     }
-    let curves = |value: &dyn Fn(&Tap) -> Option<f64>| {
+    let curves = |value: &dyn Fn(&Tap) -> Option<f64>| -> Vec<Mark> {
         turns.iter().zip(COLORS).map(|((_, turn), color)| around(turn, color, 1.75, value)).collect()
     };
     let tau_ms = |tap: &Tap| tap.value(Discriminator::Tau).map(|tau_s| tau_s * 1e3);
     let under = turns.first().map_or_else(Vec::new, |(_, turn)| shades(turn));
-    let mut keys: Vec<Key> =
-        turns.iter().zip(COLORS).map(|((v, _), color)| Key::Line(format!("{} m/s", number(*v)), color)).collect();
-    keys.push(Key::Severity);
+    let plot = |name: &str, label: &str, value: &dyn Fn(&Tap) -> Option<f64>| {
+        let curves = curves(value);
+        ring_plot(name.to_owned(), ordinate(label, &curves), curves, &under)
+    };
     let picture = Picture {
-        title: "Fig. 62: contact time and peak of the sound, by velocity of impact".to_owned(),
+        title: "Fig. 62: contact time and peak of the sound, by velocity of impact",
         note: "Representative tyre, shoulder 1, x = 0".to_owned(),
-        keys,
+        keys: keys(turns.iter().zip(COLORS).map(|((v, _), color)| (format!("{} m/s", number(*v)), color))),
         columns: 1,
         height: 210.0,
         plots: vec![
-            ring_plot("Contact time".to_owned(), "τ in ms", None, curves(&tau_ms), under.clone()),
-            ring_plot("Peak of the sound".to_owned(), "Peak in V", None, curves(&|tap| Some(tap.peak_v)), under),
+            plot("Contact time", "τ in ms", &tau_ms),
+            plot("Peak of the sound", "Peak in V", &|tap| Some(tap.peak_v)),
         ],
+        ..Picture::default()
     };
     Figure { picture, table }
 }

@@ -1,16 +1,17 @@
 //! Figs. 66 to 69: boxplots by severity and by cracked or sound, and how well taps repeat.
 
-use tapline_draw::canvas::number;
+use plotters::style::{Color as _, RGBColor};
+use tapline_draw::boxplot::BoxStats;
+use tapline_draw::canvas::{INK, number};
 use tapline_draw::palette::COLORS;
 use tapline_wire::Discriminator;
 
-use super::{Figure, Table, cell, shown, title_of};
+use super::{Figure, Mark, Picture, Plot, Table, axis, cell, shown, spanned, title_of};
+use crate::evaluation::{HALF_BOX, keys};
 use crate::experiment::SEVEN;
 use crate::experiment::dataset::{Experiment, Tap};
-use crate::experiment::draw::{Bar, Category, Content, Key, Picture, Plot};
 use crate::experiment::tyres::SEVERE_FROM_M_PER_N;
 use crate::statistics::{nor_rmse, within_over_healthy};
-use tapline_draw::boxplot::BoxStats;
 
 /// A row of a table of boxes.
 fn row(which: Discriminator, group: &str, stats: &BoxStats) -> Vec<String> {
@@ -33,23 +34,49 @@ fn columns(group: &'static str) -> [&'static str; 9] {
     ]
 }
 
-/// Boxes of `which` over `groups` of taps, and their rows.
-fn boxes(which: Discriminator, groups: &[(String, Vec<&Tap>)], table: &mut Table) -> Vec<Category> {
+/// Boxes of `which` over `groups` of taps, with their means joined if asked for; their rows go into `table`.
+fn boxes(
+    which: Discriminator,
+    groups: &[(String, Vec<&Tap>)],
+    (x_label, joins_means): (&str, bool),
+    table: &mut Table,
+) -> Plot {
     let scale = shown(which).2;
-    let mut categories = Vec::new();
+    let (mut columns, mut marks, mut means, mut all) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for ((label, taps), color) in groups.iter().zip([COLORS[0], COLORS[1], COLORS[1], COLORS[1]]) {
         let values: Vec<f64> = taps.iter().filter_map(|tap| tap.value(which)).collect();
-        if let Some(stats) = BoxStats::new(&values) {
-            table.push_texts(row(which, label, &stats));
-        }
         let scaled: Vec<f64> = values.iter().map(|value| value * scale).collect();
-        categories.extend(BoxStats::new(&scaled).map(|stats| Category { label: label.clone(), color, stats }));
+        if let Some((of_table, stats)) = BoxStats::new(&values).zip(BoxStats::new(&scaled)) {
+            table.push_texts(row(which, label, &of_table));
+            let x = columns.len() as f64 + 0.5;
+            columns.push(label.clone());
+            means.push((x, stats.mean));
+            marks.push(Mark::Box(x, stats, color));
+        }
+        all.extend(scaled);
     }
-    categories
+    if joins_means {
+        marks.extend([Mark::Line(means.clone(), INK, 1.5), Mark::Dots(means, INK, 3.0)]);
+    }
+    Plot { columns, ..Plot::new(title_of(which), axis(x_label, (0.0, 1.0), 0), axis("", spanned(all), 6), marks) }
 }
 
-fn plot(name: String, x_label: &'static str, content: Content) -> Plot {
-    Plot { name, x_label, x: (0.0, 1.0), y_label: "", y: None, content }
+/// Bars of values with their names.
+fn bars(name: &str, values: &[(&str, f64)], color: RGBColor) -> Plot {
+    let most = values.iter().map(|(_, value)| *value).max_by(f64::total_cmp).unwrap_or(1.0);
+    let bar = |(k, (_, value)): (usize, &(&str, f64))| {
+        let x = k as f64 + 0.5;
+        Mark::Filled([(x - HALF_BOX, 0.0), (x + HALF_BOX, *value)], color.to_rgba())
+    };
+    Plot {
+        columns: values.iter().map(|(label, _)| (*label).to_owned()).collect(),
+        ..Plot::new(
+            name.to_owned(),
+            axis("", (0.0, 1.0), 0),
+            axis("", (0.0, 1.12 * most), 6),
+            values.iter().enumerate().map(bar).collect(),
+        )
+    }
 }
 
 /// Figs. 66 and 67: force and sound by severity.
@@ -59,21 +86,19 @@ pub(super) fn by_severity(experiment: &Experiment) -> Figure {
     let groups: Vec<(String, Vec<&Tap>)> = (0..=3_u8).map(|severity| (severity.to_string(), of(severity))).collect();
     let mut table = Table::long("fig66-67", "", &columns("severity"));
     let which = [Discriminator::FMax, Discriminator::Tau, Discriminator::A1, Discriminator::Pr];
-    let plots = which.map(|which| {
-        let categories = boxes(which, &groups, &mut table);
-        plot(title_of(which), "Severity", Content::Boxes { categories, joins_means: true })
-    });
+    let plots = which.map(|which| boxes(which, &groups, ("Severity", true), &mut table));
     let [two, three] = SEVERE_FROM_M_PER_N.map(|compliance| number(compliance * 1e6));
     let picture = Picture {
-        title: "Figs. 66 and 67: discriminators by severity of the planted crack".to_owned(),
+        title: "Figs. 66 and 67: discriminators by severity of the planted crack",
         note: format!(
             "Representative tyre, shoulder 1, 101 taps. Severity by the compliance of the layer under the tap: 2 from {two}, \
              3 from {three} µm/N; line: means"
         ),
-        keys: vec![Key::Line("sound".to_owned(), COLORS[0]), Key::Line("cracked".to_owned(), COLORS[1])],
+        keys: keys(&["sound", "cracked"]),
         columns: 2,
         height: 190.0,
         plots: plots.to_vec(),
+        ..Picture::default()
     };
     Figure { picture, table }
 }
@@ -86,21 +111,19 @@ pub(super) fn repeatability(experiment: &Experiment) -> Figure {
     for which in SEVEN {
         let both = repeats(&turns, which);
         table.push_texts([which.column().to_owned(), cell(both.0), cell(both.1)]);
-        for (bars, value, color) in [(&mut by_range, both.0, COLORS[0]), (&mut by_sd, both.1, COLORS[1])] {
-            let label = shown(which).0.to_owned();
-            bars.extend(value.map(|value| Bar { label, color, value }));
-        }
+        by_range.extend(both.0.map(|value| (shown(which).0, value)));
+        by_sd.extend(both.1.map(|value| (shown(which).0, value)));
     }
     let picture = Picture {
-        title: "Fig. 68: difference of two repetitions".to_owned(),
+        title: "Fig. 68: difference of two repetitions",
         note: "Representative tyre, shoulder 1. Left: 101 pairs. Right: locations without a crack; at 1 they differ by no more than a tap scatters".to_owned(),
-        keys: Vec::new(),
         columns: 2,
         height: 230.0,
         plots: vec![
-            plot("Difference over the range of the data (Eq. 54)".to_owned(), "", Content::Bars(by_range)),
-            plot("Scatter of a tap over that of sound locations".to_owned(), "", Content::Bars(by_sd)),
+            bars("Difference over the range of the data (Eq. 54)", &by_range, COLORS[0]),
+            bars("Scatter of a tap over that of sound locations", &by_sd, COLORS[1]),
         ],
+        ..Picture::default()
     };
     Figure { picture, table }
 }
@@ -122,17 +145,15 @@ pub(super) fn cracked_and_sound(experiment: &Experiment) -> Figure {
     let of = |is_cracked: bool| turn.iter().copied().filter(|tap| tap.is_cracked() == is_cracked).collect();
     let groups: Vec<(String, Vec<&Tap>)> = vec![("sound".to_owned(), of(false)), ("cracked".to_owned(), of(true))];
     let mut table = Table::long("fig69", "", &columns("place"));
-    let plots = SEVEN.map(|which| {
-        let categories = boxes(which, &groups, &mut table);
-        plot(title_of(which), "", Content::Boxes { categories, joins_means: false })
-    });
+    let plots = SEVEN.map(|which| boxes(which, &groups, ("", false), &mut table));
     let picture = Picture {
-        title: "Fig. 69: discriminators over cracks and beside them".to_owned(),
+        title: "Fig. 69: discriminators over cracks and beside them",
         note: "Representative tyre, shoulder 1, 101 taps; cracked: severity 1 and above".to_owned(),
-        keys: vec![Key::Line("sound".to_owned(), COLORS[0]), Key::Line("cracked".to_owned(), COLORS[1])],
+        keys: keys(&["sound", "cracked"]),
         columns: 4,
         height: 190.0,
         plots: plots.to_vec(),
+        ..Picture::default()
     };
     Figure { picture, table }
 }

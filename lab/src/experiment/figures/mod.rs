@@ -5,17 +5,18 @@ mod groups;
 mod rings;
 
 use anyhow::Result;
-use plotters::style::RGBColor;
+use plotters::style::{Color as _, RGBAColor, RGBColor};
 use tapline_wire::{Calibration, Discriminator};
 
 pub(super) use groups::repeats;
 
+use tapline_draw::axes::Axis;
 use tapline_draw::canvas::Point;
+use tapline_draw::stats::extent;
 
 use super::dataset::{Experiment, Tap};
-use super::draw::{Content, Curve, Picture, Plot, Shade};
 use super::index::{Indices, PowerRatio, indices};
-use crate::evaluation::Table;
+use crate::evaluation::{Key, Mark, Picture, Plot, Table, axis};
 use crate::figures::significant;
 
 /// The six discriminators of the index: all but A_2 (section 5.4.3).
@@ -23,6 +24,9 @@ pub(super) const SIX: [Discriminator; 6] = {
     use Discriminator::{A1, Ef, FMax, Pf, Pr, Tau};
     [FMax, Tau, A1, Pr, Pf, Ef]
 };
+
+/// One more of Okabe and Ito's colours.
+const SKY: RGBColor = RGBColor(86, 180, 233);
 
 /// A figure, or a few that belong together.
 #[derive(Debug, Clone)]
@@ -73,6 +77,26 @@ fn title_of(which: Discriminator) -> String {
     if unit.is_empty() { symbol.to_owned() } else { format!("{symbol} in {unit}") }
 }
 
+/// A stretch of the abscissa over a planted crack.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Shade {
+    from: f64,
+    to: f64,
+    severity: u8,
+}
+
+/// The shade under a crack.
+fn shade(severity: u8) -> RGBAColor {
+    SKY.mix(0.16 * f64::from(severity))
+}
+
+/// Keys of `lines`, and what shades mean.
+fn keys(lines: impl IntoIterator<Item = (String, RGBColor)>) -> Vec<Key> {
+    let severity =
+        Key::Patches(String::new(), (1..=3).map(shade).collect(), "planted crack, severity 1, 2, 3".to_owned());
+    lines.into_iter().map(|(name, color)| Key::Line(name, color)).chain([severity]).collect()
+}
+
 /// Where the taps of a turn are over planted cracks.
 fn shades(turn: &[&Tap]) -> Vec<Shade> {
     let half_deg = turn.get(1).map_or(0.0, |tap| 0.5 * tap.angle_deg);
@@ -87,14 +111,33 @@ fn shades(turn: &[&Tap]) -> Vec<Shade> {
 }
 
 /// A curve of `value` around the ring.
-fn around(turn: &[&Tap], color: RGBColor, width: f64, value: impl Fn(&Tap) -> Option<f64>) -> Curve {
-    let points = turn.iter().map(|tap| (tap.angle_deg, value(tap).unwrap_or(f64::NAN))).collect();
-    Curve { points, color, width, has_dots: false }
+fn around(turn: &[&Tap], color: RGBColor, width: f64, value: impl Fn(&Tap) -> Option<f64>) -> Mark {
+    Mark::Line(turn.iter().map(|tap| (tap.angle_deg, value(tap).unwrap_or(f64::NAN))).collect(), color, width)
 }
 
-/// A plot of curves around the ring.
-fn ring_plot(name: String, y_label: &'static str, y: Option<Point>, curves: Vec<Curve>, shades: Vec<Shade>) -> Plot {
-    Plot { name, x_label: "Angle in degrees", x: (0.0, 360.0), y_label, y, content: Content::Curves { curves, shades } }
+/// From the least to the greatest of `values`, with a margin.
+fn spanned(values: impl IntoIterator<Item = f64>) -> Point {
+    match extent(values) {
+        Some((low, high)) if high > low => (low - 0.06 * (high - low), high + 0.06 * (high - low)),
+        Some((low, high)) => (low - 0.5, high + 0.5),
+        None => (0.0, 1.0),
+    }
+}
+
+/// The ordinate of `curves`.
+fn ordinate(label: &str, curves: &[Mark]) -> Axis {
+    let values = curves.iter().flat_map(|curve| match curve {
+        Mark::Line(points, ..) | Mark::Dots(points, ..) => points.as_slice(),
+        _ => &[],
+    });
+    axis(label, spanned(values.map(|point| point.1)), 6)
+}
+
+/// A plot of curves around the ring, over shades where a crack is planted.
+fn ring_plot(name: String, y: Axis, curves: Vec<Mark>, shades: &[Shade]) -> Plot {
+    let (low, high) = y.range;
+    let under = shades.iter().map(|s| Mark::Filled([(s.from, low), (s.to, high)], shade(s.severity)));
+    Plot::new(name, axis("Angle in degrees", (0.0, 360.0), 8), y, under.chain(curves).collect())
 }
 
 #[cfg(test)]

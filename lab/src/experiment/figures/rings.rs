@@ -1,23 +1,54 @@
 //! Figs. 63, 64, 70, 71 and 73 to 76: results around the ring.
 
-use tapline_draw::canvas::number;
+use plotters::prelude::{Color as _, RGBColor, ViridisRGB};
+use tapline_draw::canvas::{Point, number};
 use tapline_draw::palette::COLORS;
 use tapline_wire::Discriminator;
 
-use super::{Figure, SIX, Table, around, cell, ring_plot, shades, shown, title_of};
+use super::{
+    Figure, Key, Mark, Picture, Plot, SIX, Table, around, axis, cell, keys, ordinate, ring_plot, shades, shown,
+    title_of,
+};
 use crate::experiment::SEVEN;
 use crate::experiment::dataset::{Experiment, Tap, Turn, averaged};
-use crate::experiment::draw::{Content, Curve, Key, Map, Picture, Plot};
 use crate::experiment::index::Indices;
 use crate::experiment::spectrum::{BAND_HZ, STEP_HZ};
 use crate::experiment::tyres::{NEW, REPRESENTATIVE, SLIGHT, VELOCITY_M_PER_S};
 
 /// Power densities, in dB re 1 V^2/Hz, of the lowest and the highest colour of the B-scan.
 const LEVELS_DB: (f64, f64) = (-90.0, -58.0);
+/// How many colours it has.
+const LEVELS: usize = 10;
 
-fn keys(names: [&str; 2]) -> Vec<Key> {
-    let lines = names.into_iter().zip(COLORS).map(|(name, color)| Key::Line(name.to_owned(), color));
-    lines.chain([Key::Severity]).collect()
+/// The colour of a level, from dark to bright, and so readable without colour.
+fn level_color(level: usize) -> RGBColor {
+    ViridisRGB::get_color(level as f64 / (LEVELS - 1) as f64)
+}
+
+/// The level of a power density.
+fn level(density_db: f64) -> usize {
+    let (low, high) = LEVELS_DB;
+    let count = LEVELS as f64;
+    ((density_db - low) / (high - low) * count).floor().clamp(0.0, count - 1.0) as usize
+}
+
+/// A colour for every place of a map: its `columns`, each from below, lie between `edges` of the abscissa.
+fn map(edges: &[f64], (low, high): Point, columns: &[Vec<f64>]) -> Mark {
+    let whole = edges.first().zip(edges.last()).map(|(&left, &right)| ([(left, low), (right, high)], level_color(0)));
+    // The lowest colour is the ground; runs of one colour are one rectangle, or the picture would be a megabyte.
+    let mut cells: Vec<_> = whole.into_iter().collect();
+    for (column, edges) in columns.iter().zip(edges.windows(2)) {
+        let step = (high - low) / column.len() as f64;
+        let mut first = 0;
+        for run in column.chunk_by(|a, b| level(*a) == level(*b)) {
+            let [from, to] = [first, first + run.len()].map(|place| low + step * place as f64);
+            first += run.len();
+            if level(run[0]) > 0 {
+                cells.push(([(edges[0], from), (edges[1], to)], level_color(level(run[0]))));
+            }
+        }
+    }
+    Mark::Cells(cells)
 }
 
 /// Figs. 63 and 64: the seven discriminators, twice around.
@@ -35,17 +66,22 @@ pub(super) fn repetitions(experiment: &Experiment) -> Figure {
     }
     let plot = |which: Discriminator| {
         let scaled = |tap: &Tap| tap.value(which).map(|value| value * shown(which).2);
-        let curves =
-            turns.iter().zip(COLORS).zip([2.0, 1.1]).map(|((t, color), width)| around(t, color, width, scaled));
-        ring_plot(title_of(which), "", None, curves.collect(), shades(&turns[0]))
+        let curves: Vec<Mark> = turns
+            .iter()
+            .zip(COLORS)
+            .zip([2.0, 1.1])
+            .map(|((t, color), width)| around(t, color, width, scaled))
+            .collect();
+        ring_plot(title_of(which), ordinate("", &curves), curves, &shades(&turns[0]))
     };
     let picture = Picture {
-        title: "Figs. 63 and 64: the discriminators, twice around".to_owned(),
+        title: "Figs. 63 and 64: the discriminators, twice around",
         note: format!("Representative tyre, shoulder 1, 101 taps each, x = 0, {} m/s", number(VELOCITY_M_PER_S)),
-        keys: keys(["first time around", "second"]),
+        keys: keys(["first time around", "second"].map(str::to_owned).into_iter().zip(COLORS)),
         columns: 2,
         height: 140.0,
         plots: SEVEN.map(plot).to_vec(),
+        ..Picture::default()
     };
     Figure { picture, table }
 }
@@ -68,22 +104,25 @@ pub(super) fn shoulders(experiment: &Experiment) -> Figure {
         let curve = |turns: &[Vec<&Tap>; 2], color| {
             let scale = shown(which).2;
             let values = averaged(turns, which).into_iter().map(|value| value.map_or(f64::NAN, |value| value * scale));
-            let points = turns[0].iter().map(|tap| tap.angle_deg).zip(values).collect();
-            Curve { points, color, width: 1.75, has_dots: false }
+            Mark::Line(turns[0].iter().map(|tap| tap.angle_deg).zip(values).collect(), color, 1.75)
         };
         let curves = vec![curve(&both[0], COLORS[1]), curve(&both[1], COLORS[0])];
-        ring_plot(title_of(which), "", None, curves, shades(&both[0][0]))
+        ring_plot(title_of(which), ordinate("", &curves), curves, &shades(&both[0][0]))
     };
-    let [blue, red, ..] = COLORS;
     let picture = Picture {
-        title: "Figs. 70 and 71: both shoulders of the representative tyre".to_owned(),
+        title: "Figs. 70 and 71: both shoulders of the representative tyre",
         note: "Means of two turns; shades: severity of the cracks in shoulder 1, shoulder 2 has none".to_owned(),
-        keys: vec![Key::Line("shoulder 1".to_owned(), red), Key::Line("shoulder 2".to_owned(), blue), Key::Severity],
+        keys: shoulder_keys(),
         columns: 2,
         height: 140.0,
         plots: SIX.map(plot).to_vec(),
+        ..Picture::default()
     };
     Figure { picture, table }
+}
+
+fn shoulder_keys() -> Vec<Key> {
+    keys(["shoulder 1", "shoulder 2"].map(str::to_owned).into_iter().zip([COLORS[1], COLORS[0]]))
 }
 
 /// Figs. 73 to 75: the damage index of the three tyres.
@@ -109,20 +148,20 @@ pub(super) fn damage(experiment: &Experiment, indices: &Indices) -> Figure {
             }
             let values = of_shoulder.iter().chain(of_shoulder.first());
             let points = turn.iter().zip(values).map(|(tap, index)| (tap.angle_deg, index.unwrap_or(f64::NAN)));
-            curves.push(Curve { points: points.collect(), color, width: 1.75, has_dots: false });
+            curves.push(Mark::Line(points.collect(), color, 1.75));
         }
         let under = shades(&experiment.inspection.turn(Turn { tyre, ..Turn::default() }));
-        plots.push(ring_plot(title.to_owned(), "Damage index", Some((0.0, 1.0)), curves, under));
+        plots.push(ring_plot(title.to_owned(), axis("Damage index", (0.0, 1.0), 6), curves, &under));
     }
-    let [blue, red, ..] = COLORS;
     let picture = Picture {
-        title: "Figs. 73 to 75: damage index by Eqs. 55 and 56".to_owned(),
+        title: "Figs. 73 to 75: damage index by Eqs. 55 and 56",
         note: "All six shoulders by the extremes of the representative tyre's shoulder 1; A₂ left out, PR rises"
             .to_owned(),
-        keys: vec![Key::Line("shoulder 1".to_owned(), red), Key::Line("shoulder 2".to_owned(), blue), Key::Severity],
+        keys: shoulder_keys(),
         columns: 1,
         height: 150.0,
         plots,
+        ..Picture::default()
     };
     Figure { picture, table }
 }
@@ -145,23 +184,36 @@ pub(super) fn b_scan(experiment: &Experiment) -> Figure {
         }
         let half_deg = turn.get(1).map_or(0.0, |tap| 0.5 * tap.angle_deg);
         let edges = turn.iter().map(|tap| tap.angle_deg - half_deg).chain([360.0 + half_deg]);
-        let map = Map { x_edges: edges.map(|x| x.clamp(0.0, 360.0)).collect(), y: BAND_HZ, columns, levels: LEVELS_DB };
-        plots.push(Plot {
-            name: format!("Shoulder {shoulder}"),
-            x_label: "Angle in degrees",
-            x: (0.0, 360.0),
-            y_label: "Frequency in Hz",
-            y: None,
-            content: Content::Map(map),
-        });
+        let edges: Vec<f64> = edges.map(|x| x.clamp(0.0, 360.0)).collect();
+        plots.push(Plot::new(
+            format!("Shoulder {shoulder}"),
+            axis("Angle in degrees", (0.0, 360.0), 8),
+            axis("Frequency in Hz", BAND_HZ, 6),
+            vec![map(&edges, BAND_HZ, &columns)],
+        ));
     }
+    let colors = (0..LEVELS).map(|level| level_color(level).to_rgba()).collect();
+    let [least, most] = [LEVELS_DB.0, LEVELS_DB.1].map(number);
     let picture = Picture {
-        title: "Fig. 76: power spectra of the sound around the representative tyre".to_owned(),
+        title: "Fig. 76: power spectra of the sound around the representative tyre",
         note: format!("Power density in steps of {} Hz, first time around", number(STEP_HZ)),
-        keys: vec![Key::Scale(format!("{} dB", number(LEVELS_DB.0)), format!("{} dB re 1 V²/Hz", number(LEVELS_DB.1)))],
+        keys: vec![Key::Patches(format!("{least} dB"), colors, format!("{most} dB re 1 V²/Hz"))],
         columns: 1,
         height: 210.0,
         plots,
+        ..Picture::default()
     };
     Figure { picture, table }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a level off by one at the ends, and values beyond them without a colour.
+    #[test]
+    fn every_value_has_a_colour() {
+        let levels = [-1e9, -90.0, -85.0, -58.1, -58.0, 0.0, f64::INFINITY].map(level);
+        assert_eq!(levels, [0, 0, 1, 9, 9, 9, 9]);
+    }
 }
