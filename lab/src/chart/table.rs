@@ -6,96 +6,63 @@ use super::panel::{Facet, Panel};
 use super::point::Point;
 use super::provenance::Provenance;
 
-/// Columns of the table of points.
-const COLUMNS: [&str; 33] = [
-    "panel",
-    "facet",
-    "point",
-    "label",
-    "family",
-    "group",
-    "cost",
-    "cost_low",
-    "cost_high",
-    "cost_quantity",
-    "cost_unit",
-    "error",
-    "error_low",
-    "error_high",
-    "error_quantity",
-    "error_unit",
-    "error_by_seed",
-    "is_default",
-    "on_front",
-    "fails",
-    "tolerance_cost",
-    "tolerance_error",
-    "n",
-    "seeds",
-    "truth",
-    "remark",
-    "cpu",
-    "vectors",
-    "system",
-    "build",
-    "commit",
-    "version",
-    "date",
-];
-
 /// The points of all `panels`.
 pub(crate) fn csv(panels: &[Panel], provenance: &Provenance) -> Result<String> {
-    let mut out = csv::Writer::from_writer(Vec::new());
-    out.write_record(COLUMNS)?;
+    let mut rows = Vec::new();
     for panel in panels {
         for facet in &panel.facets {
-            for (point, on_front) in facet.points.iter().zip(facet.front()) {
-                out.write_record(row(panel, facet, point, on_front, provenance))?;
-            }
+            let points = facet.points.iter().zip(facet.front());
+            rows.extend(points.map(|(point, on_front)| row(panel, facet, point, on_front, provenance)));
         }
     }
+    let mut out = csv::Writer::from_writer(Vec::new());
+    for head in rows.iter().take(1) {
+        out.write_record(head.iter().map(|(column, _)| column))?;
+    }
+    rows.iter().try_for_each(|row| out.write_record(row.iter().map(|(_, cell)| cell)))?;
     Ok(String::from_utf8(out.into_inner()?)?)
 }
 
-fn row(panel: &Panel, facet: &Facet, point: &Point, on_front: bool, from: &Provenance) -> Vec<String> {
+/// The columns of a point, each with its cell.
+fn row(panel: &Panel, facet: &Facet, point: &Point, on_front: bool, from: &Provenance) -> Vec<(&'static str, String)> {
     let flag = |is_so: bool| if is_so { "1" } else { "0" }.to_owned();
     let by_seed: Vec<String> = point.error.by_seed.iter().map(|&error| digits(error)).collect();
     let fails: Vec<String> =
         point.failures.iter().map(|f| format!("{} ({} of {})", f.case, digits(f.measured), digits(f.limit))).collect();
     vec![
-        panel.name.to_owned(),
-        facet.name.to_owned(),
-        point.name.clone(),
-        point.label.clone(),
-        facet.families.get(point.family).copied().unwrap_or_default().to_owned(),
-        point.group.to_string(),
-        digits(point.cost.median),
-        digits(point.cost.low),
-        digits(point.cost.high),
-        facet.cost.label.to_owned(),
-        facet.cost.unit.to_owned(),
-        digits(point.error.value),
-        digits(point.error.low),
-        digits(point.error.high),
-        facet.error.label.to_owned(),
-        facet.error.unit.to_owned(),
-        by_seed.join(" "),
-        flag(point.is_default),
-        flag(on_front),
-        fails.join("; "),
-        digits(facet.tolerance.cost),
-        digits(facet.tolerance.error),
-        point.n.to_string(),
-        facet.seeds_in_words(),
-        facet.truth.clone(),
-        point.remark.clone(),
-        from.cpu.clone(),
-        from.vectors.clone(),
-        from.system.clone(),
-        from.build.clone(),
-        from.commit.clone(),
-        from.version.to_owned(),
-        from.date.clone(),
+        ("panel", panel.name.to_owned()),
+        ("facet", facet.name.to_owned()),
+        ("point", point.name.clone()),
+        ("label", point.label.clone()),
+        ("family", facet.families.get(point.family).copied().unwrap_or_default().to_owned()),
+        ("group", point.group.to_string()),
+        ("cost", digits(point.cost.median)),
+        ("cost_low", digits(point.cost.low)),
+        ("cost_high", digits(point.cost.high)),
+        ("cost_quantity", facet.cost.label.to_owned()),
+        ("cost_unit", facet.cost.unit.to_owned()),
+        ("error", digits(point.error.value)),
+        ("error_low", digits(point.error.low)),
+        ("error_high", digits(point.error.high)),
+        ("error_quantity", facet.error.label.to_owned()),
+        ("error_unit", facet.error.unit.to_owned()),
+        ("error_by_seed", by_seed.join(" ")),
+        ("is_default", flag(point.is_default)),
+        ("on_front", flag(on_front)),
+        ("fails", fails.join("; ")),
+        ("tolerance_cost", digits(facet.tolerance.cost)),
+        ("tolerance_error", digits(facet.tolerance.error)),
+        ("n", point.n.to_string()),
+        ("seeds", facet.seeds_in_words()),
+        ("truth", facet.truth.clone()),
+        ("remark", point.remark.clone()),
+        ("cpu", from.cpu.clone()),
+        ("vectors", from.vectors.clone()),
+        ("system", from.system.clone()),
+        ("build", from.build.clone()),
+        ("commit", from.commit.clone()),
+        ("version", from.version.to_owned()),
+        ("date", from.date.clone()),
     ]
 }
 
