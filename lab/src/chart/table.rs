@@ -5,6 +5,7 @@ use anyhow::Result;
 use super::panel::{Facet, Panel};
 use super::point::Point;
 use super::provenance::Provenance;
+use crate::evaluation::rounded;
 
 /// The points of all `panels`.
 pub(crate) fn csv(panels: &[Panel], provenance: &Provenance) -> Result<String> {
@@ -67,10 +68,6 @@ fn row(panel: &Panel, facet: &Facet, point: &Point, on_front: bool, from: &Prove
 }
 
 /// A number to six digits; an absent number or interval end is an empty cell.
-pub(crate) fn digits(value: f64) -> String {
-    if !value.is_finite() {
-        return String::new();
-    }
-    let text = format!("{value:.5e}");
-    text.parse::<f64>().map_or(text, |rounded| rounded.to_string())
+fn digits(value: f64) -> String {
+    if value.is_finite() { rounded(value, 6) } else { String::new() }
 }

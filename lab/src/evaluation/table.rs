@@ -22,10 +22,7 @@ impl Display for Cell {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match self {
             Self::Text(text) => f.pad(text),
-            Self::Number(value) => {
-                let text = format!("{value:.*e}", DIGITS - 1);
-                f.pad(&text.parse::<f64>().map_or(text, |rounded| (rounded + 0.0).to_string()))
-            }
+            Self::Number(value) => f.pad(&rounded(*value, DIGITS)),
             Self::Count(count) => f.pad(&count.to_string()),
             Self::Empty => Ok(()),
         }
@@ -120,6 +117,12 @@ impl Table {
         let rows: String = self.rows.iter().map(|row| line(row.iter().map(ToString::to_string).collect())).collect();
         format!("{}{rule}{rows}", line(head))
     }
+}
+
+/// `value` to so many significant digits, without a minus before zero.
+pub(crate) fn rounded(value: f64, digits: usize) -> String {
+    let text = format!("{value:.*e}", digits - 1);
+    text.parse::<f64>().map_or(text, |rounded| (rounded + 0.0).to_string())
 }
 
 /// A number as a cell; absent is empty, and so is one that is not finite.

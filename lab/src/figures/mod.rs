@@ -11,7 +11,11 @@ use std::path::Path;
 use self::curves::{Figure, figure};
 use anyhow::Result;
 
+use crate::evaluation::rounded;
 use crate::written::WrittenArgs;
+
+/// Digits in tables, without those that may differ between machines.
+pub(crate) const DIGITS: usize = 9;
 
 /// Writes figure `only`, or all of them, into the folder `out`.
 ///
@@ -35,15 +39,9 @@ fn csv(figure: &Figure) -> Result<String> {
     out.write_record(["curve", "rung", figure.x.name, figure.y.name, "in_domain"])?;
     for curve in &figure.curves {
         for point in &curve.points {
-            let (x, y) = (significant(point.x), significant(point.y));
+            let [x, y] = [point.x, point.y].map(|value| rounded(value, DIGITS));
             out.write_record([curve.name, curve.rung.name(), &x, &y, if point.in_domain { "1" } else { "0" }])?;
         }
     }
     Ok(String::from_utf8(out.into_inner()?)?)
-}
-
-/// `value` to nine digits, without those that may differ between machines.
-pub(crate) fn significant(value: f64) -> String {
-    let text = format!("{value:.8e}");
-    text.parse::<f64>().map_or(text, |rounded| rounded.to_string())
 }

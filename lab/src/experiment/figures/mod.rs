@@ -16,8 +16,8 @@ use tapline_draw::stats::extent;
 
 use super::dataset::{Experiment, Tap};
 use super::index::{Indices, PowerRatio, indices};
-use crate::evaluation::{Key, Mark, Picture, Plot, Table, axis};
-use crate::figures::significant;
+use crate::evaluation::{Key, Mark, Picture, Plot, Table, axis, rounded};
+use crate::figures::DIGITS;
 
 /// The six discriminators of the index: all but A_2 (section 5.4.3).
 pub(super) const SIX: [Discriminator; 6] = {
@@ -55,7 +55,7 @@ pub(super) fn figures(experiment: &Experiment) -> Result<Vec<Figure>> {
 
 /// A number as a cell; absent is empty.
 fn cell(value: impl Into<Option<f64>>) -> String {
-    value.into().map_or_else(String::new, significant)
+    value.into().map_or_else(String::new, |value| rounded(value, DIGITS))
 }
 
 /// How a discriminator is written on a picture: symbol, unit, and how many of that unit the SI unit is.
