@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 use rayon::prelude::*;
 use tapline_plate::ScanShape;
 use tapline_process::ProcessConfig;
@@ -11,6 +11,7 @@ use tapline_wire::Verdict;
 use super::Bench;
 use super::point::{Error, Failure, LEVEL, exceeds};
 use super::size::Size;
+use crate::evaluation::Areas;
 use crate::simulated::{Judged, Judging, ScanTaps, Scene, Set, Simulator, Tyre, judge, simulated};
 use crate::statistics::clopper_pearson;
 
@@ -140,6 +141,17 @@ pub(crate) fn rate_percent(
     let percent = |(count, all): (usize, usize)| 100.0 * count as f64 / all as f64;
     let by_seed = seeds.into_iter().map(|seed| percent(counts(Some(seed)))).collect();
     Ok(Error { value: 100.0 * rate.rate, low: 100.0 * rate.low, high: 100.0 * rate.high, by_seed })
+}
+
+/// Loss of detection, 1 - AUC: of the `areas` of all seeds, with an interval by whole tyres, and of those of each seed; and the number of
+/// locations.
+pub(crate) fn loss(bench: &Bench, areas: impl Fn(Option<u64>) -> Areas) -> Result<(Error, usize)> {
+    let loss = |areas: &Areas| Ok(1.0 - areas.auc().context("locations of both kinds have a score")?);
+    let all = areas(None);
+    let by_seed = bench.seeds().map(|seed| loss(&areas(Some(seed)))).collect::<Result<_>>()?;
+    let interval = all.by_tyres(bench.seed).map(|(low, high)| (1.0 - high, 1.0 - low));
+    let error = Error { value: loss(&all)?, ..Error::mean_of(by_seed) }.with_interval(interval);
+    Ok((error, all.count(true) + all.count(false)))
 }
 
 /// Cracked shoulders that pass.

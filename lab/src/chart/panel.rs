@@ -41,7 +41,7 @@ pub(crate) struct Guide {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Facet {
     /// Name in the table of points, unique within the panel.
-    pub name: &'static str,
+    pub name: String,
     /// Title above it.
     pub title: String,
     pub cost: Quantity,

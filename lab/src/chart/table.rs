@@ -32,7 +32,7 @@ fn row(panel: &Panel, facet: &Facet, point: &Point, on_front: bool, from: &Prove
         point.failures.iter().map(|f| format!("{} ({} of {})", f.case, digits(f.measured), digits(f.limit))).collect();
     vec![
         ("panel", panel.name.to_owned()),
-        ("facet", facet.name.to_owned()),
+        ("facet", facet.name.clone()),
         ("point", point.name.clone()),
         ("label", point.label.clone()),
         ("family", facet.families.get(point.family).copied().unwrap_or_default().to_owned()),

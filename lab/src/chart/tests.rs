@@ -84,7 +84,7 @@ fn errors_measured_anew_leave_defaults_on_their_fronts() {
     for entry in wanted {
         let panel = (entry.measure)(&bench).unwrap();
         for Facet { name, points, tolerance, .. } in &panel.facets {
-            let known = &committed[&(panel.name.to_owned(), (*name).to_owned())];
+            let known = &committed[&(panel.name.to_owned(), name.clone())];
             let with_known_costs: Vec<Point> = (points.iter())
                 .map(|point| {
                     let of = known.points.iter().find(|known| known.name == point.name && known.group == point.group);

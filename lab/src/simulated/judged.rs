@@ -50,6 +50,14 @@ pub struct Judged {
     pub is_cracked: Vec<bool>,
 }
 
+impl Judged {
+    /// Its locations: its casing, named apart from those of other seeds, the index, and whether there is a crack.
+    pub(crate) fn places(&self, seed: u64) -> impl Iterator<Item = (String, f64, bool)> + '_ {
+        let places = self.index.iter().zip(&self.is_cracked);
+        places.map(move |(&index, &is_cracked)| (format!("{seed}-{}", self.tyre), index, is_cracked))
+    }
+}
+
 /// The reference from the first `casings` of `set`, scanned as by `taps` but at every location.
 ///
 /// # Errors

@@ -106,7 +106,7 @@ fn taps(source: &mut impl Source, count: usize) -> Result<Taps> {
     Ok(Taps { element_bytes: recording.sample_format.bytes(), all: rows.map(&mut tap).collect::<Result<_>>()? })
 }
 
-fn facet(bench: &Bench, name: &'static str, title: &str, taps: &Taps, table: &mut Table) -> Result<Facet> {
+fn facet(bench: &Bench, name: &str, title: &str, taps: &Taps, table: &mut Table) -> Result<Facet> {
     let packed: Vec<Vec<Vec<u8>>> =
         Codec::ALL.map(|codec| taps.all.iter().map(|tap| pack_by(codec, taps.element_bytes, tap)).collect()).into();
     for (codec, packed) in Codec::ALL.into_iter().zip(&packed) {
@@ -161,7 +161,7 @@ fn facet(bench: &Bench, name: &'static str, title: &str, taps: &Taps, table: &mu
         ]);
     }
     Ok(Facet {
-        name,
+        name: name.to_owned(),
         title: title.to_owned(),
         cost: Quantity::log("Processor time of packing 64 KiB", "\u{b5}s"),
         error: Quantity::linear("What is left of the bytes", "%"),

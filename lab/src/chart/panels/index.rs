@@ -9,7 +9,7 @@ use tapline_wire::{Discriminator, Discriminators, Plan, Verdict};
 
 use super::Entry;
 use crate::chart::Bench;
-use crate::chart::casings::{Group, Inspected, OFFSETS_MM, VELOCITY_M_PER_S, inspect, reference_of};
+use crate::chart::casings::{Group, Inspected, OFFSETS_MM, VELOCITY_M_PER_S, inspect, loss, reference_of};
 use crate::chart::cost::{Workload, by_turns};
 use crate::chart::front::Tolerance;
 use crate::chart::panel::{Facet, Panel, Quantity};
@@ -155,27 +155,13 @@ fn costs(bench: &Bench, groups: &[Group], rules: &[Rule]) -> Result<Vec<Cost>> {
 
 /// The locations of `inspected`, each with its index.
 fn areas_of_locations<'a>(inspected: impl Iterator<Item = &'a Inspected>) -> Areas {
-    let things = inspected.flat_map(|i| {
-        i.sound.iter().chain(&i.cracked).flat_map(move |judged| {
-            let tyre = format!("{}-{}", i.seed, judged.tyre);
-            let places = judged.index.iter().copied().zip(judged.is_cracked.iter().copied());
-            places.map(move |(index, is_cracked)| (tyre.clone(), index, is_cracked))
-        })
-    });
-    Areas::of(things)
+    Areas::of(inspected.flat_map(|i| i.sound.iter().chain(&i.cracked).flat_map(move |judged| judged.places(i.seed))))
 }
 
 fn point(bench: &Bench, rule: Rule, cost: Cost, inspected: &[Inspected]) -> Result<Point> {
-    let loss =
-        |areas: &Areas| Ok::<f64, anyhow::Error>(1.0 - areas.auc().context("locations of both kinds have an index")?);
-    let all = areas_of_locations(inspected.iter());
-    let by_seed: Vec<f64> = bench
-        .seeds()
-        .map(|seed| loss(&areas_of_locations(inspected.iter().filter(|i| i.seed == seed))))
-        .collect::<Result<_>>()?;
-    let interval = all.by_tyres(bench.seed).map(|(low, high)| (1.0 - high, 1.0 - low));
-    let error = Error { value: loss(&all)?, ..Error::mean_of(by_seed) }.with_interval(interval);
-    Ok(Point::new(rule.name(), rule.label(), cost, error, all.count(true) + all.count(false))
+    let of = |seed: Option<u64>| inspected.iter().filter(move |i| seed.is_none_or(|seed| seed == i.seed));
+    let (error, n) = loss(bench, |seed| areas_of_locations(of(seed)))?;
+    Ok(Point::new(rule.name(), rule.label(), cost, error, n)
         .family(usize::from(matches!(rule, Rule::Alone(_))))
         .default_if(rule == Rule::Index(IndexKind::default())))
 }
@@ -284,7 +270,7 @@ fn lost_to_outliers(size: &Size, group: &Group, rule: Rule, clean: &Judging) -> 
 
 fn locations(bench: &Bench, simulator: Simulator, points: Vec<Point>) -> Facet {
     Facet {
-        name: if simulator == Simulator::Plate { "plate-locations" } else { "model-locations" },
+        name: format!("{}-locations", simulator.name()),
         title: format!("Locations, simulator {}", simulator.name()),
         cost: Quantity::log("Processor time of a casing", "\u{b5}s"),
         error: Quantity::log("Loss of detection, 1 \u{2212} AUC", ""),
@@ -299,7 +285,7 @@ fn locations(bench: &Bench, simulator: Simulator, points: Vec<Point>) -> Facet {
 
 fn shoulders(bench: &Bench, simulator: Simulator, points: Vec<Point>) -> Facet {
     Facet {
-        name: if simulator == Simulator::Plate { "plate-shoulders" } else { "model-shoulders" },
+        name: format!("{}-shoulders", simulator.name()),
         title: format!("Shoulders, simulator {}", simulator.name()),
         cost: Quantity::log("Processor time of a casing", "\u{b5}s"),
         error: Quantity::linear("Cracked shoulders missed at 5 % false calls", "%"),

@@ -150,7 +150,7 @@ fn measure(bench: &Bench) -> Result<Panel> {
             bench.progress.at((number as f64 + (place + 1) as f64 / plans.len() as f64) / Simulator::ALL.len() as f64);
         }
         facets.push(Facet {
-            name: simulator.name(),
+            name: simulator.name().to_owned(),
             title: format!("Cracks of the simulator {}", simulator.name()),
             cost: Quantity::log("Time of a casing on the rig", "s"),
             error: Quantity::linear("Cracked shoulders that pass", "%"),

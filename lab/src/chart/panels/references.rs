@@ -86,15 +86,13 @@ fn point(
 }
 
 fn facet(bench: &Bench, simulator: Simulator, is_missed: bool, points: Vec<Point>) -> Facet {
-    let (name, title, error) = match (simulator, is_missed) {
-        (Simulator::Plate, true) => ("plate-missed", "Missed cracks, simulator plate", "Cracked shoulders that pass"),
-        (Simulator::Plate, false) => ("plate-called", "False calls, simulator plate", "Sound shoulders not passed"),
-        (Simulator::Model, true) => ("model-missed", "Missed cracks, simulator model", "Cracked shoulders that pass"),
-        (Simulator::Model, false) => ("model-called", "False calls, simulator model", "Sound shoulders not passed"),
+    let (name, title, error) = match is_missed {
+        true => ("missed", "Missed cracks", "Cracked shoulders that pass"),
+        false => ("called", "False calls", "Sound shoulders not passed"),
     };
     Facet {
-        name,
-        title: title.to_owned(),
+        name: format!("{}-{name}", simulator.name()),
+        title: format!("{title}, simulator {}", simulator.name()),
         cost: Quantity::linear("Time of the reference on the rig", "min"),
         error: Quantity::linear(error, "%"),
         tolerance: Tolerance { cost: 0.05, error: 1.0 },

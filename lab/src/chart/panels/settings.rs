@@ -70,13 +70,9 @@ fn measure(bench: &Bench) -> Result<Panel> {
             let point = point(bench, heard, costs[place].cpu_us, &found, (simulator, place))?;
             Ok(point.failing(failures[place].clone()))
         });
-        let (name, title) = match simulator {
-            Simulator::Plate => ("plate", "Cracks of the simulator plate"),
-            Simulator::Model => ("model", "Cracks of the simulator model"),
-        };
         Ok(Facet {
-            name,
-            title: title.to_owned(),
+            name: simulator.name().to_owned(),
+            title: format!("Cracks of the simulator {}", simulator.name()),
             cost: Quantity::log("Processor time of a tap, all discriminators", "\u{b5}s"),
             error: Quantity::log("Loss of detection, 1 \u{2212} AUC", ""),
             tolerance: TOLERANCE,

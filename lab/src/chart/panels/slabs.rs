@@ -186,7 +186,7 @@ fn facet(bench: &Bench, slab: &Slab, taps: &Taps) -> Result<Facet> {
             .default_if(way.label == WAYS[0].label))
     });
     Ok(Facet {
-        name: slab.name,
+        name: slab.name.to_owned(),
         title: slab.title.to_owned(),
         cost: Quantity::log("Processor time of a tap, read and judged", "\u{b5}s"),
         error: Quantity::log("Loss of detection, 1 \u{2212} AUC", ""),

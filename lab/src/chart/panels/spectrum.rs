@@ -197,14 +197,7 @@ fn costs(bench: &Bench, ways: &[Way]) -> Result<Vec<Cost>> {
     Ok(by_turns(&mut workloads, bench.size.rounds))
 }
 
-fn facet(
-    bench: &Bench,
-    name: &'static str,
-    title: &str,
-    ways: &[Way],
-    costs: &[Cost],
-    by_seed: Vec<Vec<f64>>,
-) -> Facet {
+fn facet(bench: &Bench, name: &str, title: &str, ways: &[Way], costs: &[Cost], by_seed: Vec<Vec<f64>>) -> Facet {
     let point = |((&way, &cost), by_seed): ((&Way, &Cost), Vec<f64>)| {
         Point::new(
             way.name(),
@@ -218,7 +211,7 @@ fn facet(
         .failing(stability::of_spectrum(&way.config()))
     };
     Facet {
-        name,
+        name: name.to_owned(),
         title: title.to_owned(),
         cost: Quantity::log("Processor time of a tap, all discriminators", "\u{b5}s"),
         error: Quantity::log("Relative error of PR, P_f and E_f, rms", ""),

@@ -66,7 +66,7 @@ fn measure(bench: &Bench) -> Result<Panel> {
 
 fn facet(
     bench: &Bench,
-    name: &'static str,
+    name: &str,
     title: &str,
     cases: &[(usize, Way)],
     runs: &[Vec<Run>],
@@ -90,7 +90,7 @@ fn facet(
             ))
     };
     Facet {
-        name,
+        name: name.to_owned(),
         title: title.to_owned(),
         cost: Quantity::log("Processor time of a record, three processes", "\u{b5}s"),
         error: Quantity::log(error, "\u{b5}s"),

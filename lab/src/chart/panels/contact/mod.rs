@@ -133,7 +133,7 @@ fn measure(bench: &Bench) -> Result<Panel> {
     })
 }
 
-fn ladder(bench: &Bench, places: Places, name: &'static str, title: &str) -> Result<Facet> {
+fn ladder(bench: &Bench, places: Places, name: &str, title: &str) -> Result<Facet> {
     let size = &bench.size;
     let mut by_seed = vec![Vec::new(); WAYS.len()];
     for (number, seed) in bench.seeds().enumerate() {
@@ -159,7 +159,7 @@ fn ladder(bench: &Bench, places: Places, name: &'static str, title: &str) -> Res
         Ok(Point::new(way.name(), way.label(), cost, Error::mean_of(by_seed), n).family(family).failing(failures(way)?))
     });
     Ok(Facet {
-        name,
+        name: name.to_owned(),
         title: title.to_owned(),
         cost: Quantity::log("Processor time of a contact", "\u{b5}s"),
         error: Quantity::log("Largest relative error, nine in ten contacts", ""),
@@ -277,7 +277,7 @@ fn histories(bench: &Bench) -> Result<Facet> {
             .default_if(rule == Rule::Within(RIG_TOLERANCE))
     };
     Ok(Facet {
-        name: "history",
+        name: "history".to_owned(),
         title: "The course of the force, as the simulated rig needs it".to_owned(),
         cost: Quantity::log("Processor time of a contact", "\u{b5}s"),
         error: Quantity::log("Relative error of peak or impulse, nine in ten contacts", ""),

@@ -1,16 +1,16 @@
 //! How well tau alone detects cracks with each of its estimators.
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use tapline_plate::ScanShape;
 use tapline_process::ProcessConfig;
 use tapline_wire::Discriminator;
 
 use super::{Way, failures};
 use crate::chart::Bench;
-use crate::chart::casings::VELOCITY_M_PER_S;
+use crate::chart::casings::{VELOCITY_M_PER_S, loss};
 use crate::chart::front::Tolerance;
 use crate::chart::panel::{Facet, Quantity};
-use crate::chart::point::{Cost, Error, Point};
+use crate::chart::point::{Cost, Point};
 use crate::evaluation::Areas;
 use crate::simulated::{Reading, ScanTaps, Scene, Simulator, alone_of, simulate};
 
@@ -48,30 +48,20 @@ fn found(bench: &Bench, simulator: Simulator, ways: &[Way]) -> Result<Vec<Vec<Pl
 
 /// tau alone, read in each of `ways`.
 pub(super) fn alone(bench: &Bench, simulator: Simulator, ways: &[Way], costs: &[Cost]) -> Result<Facet> {
-    let (name, title) = match simulator {
-        Simulator::Plate => ("tau-plate", "tau alone, simulator plate"),
-        Simulator::Model => ("tau-model", "tau alone, simulator model"),
-    };
     let found = found(bench, simulator, ways)?;
     let points = ways.iter().zip(costs).zip(&found).map(|((way, &cost), places)| {
         let areas = |seed: Option<u64>| {
             let of_seed = places.iter().filter(|(of, ..)| seed.is_none_or(|seed| seed == *of));
             Areas::of(of_seed.map(|(seed, tyre, score, is_cracked)| (format!("{seed}-{tyre}"), *score, *is_cracked)))
         };
-        let loss = |areas: &Areas| {
-            Ok::<f64, anyhow::Error>(1.0 - areas.auc().context("locations of both kinds have a value")?)
-        };
-        let all = areas(None);
-        let by_seed = bench.seeds().map(|seed| loss(&areas(Some(seed)))).collect::<Result<_>>()?;
-        let interval = all.by_tyres(bench.seed).map(|(low, high)| (1.0 - high, 1.0 - low));
-        let error = Error { value: loss(&all)?, ..Error::mean_of(by_seed) }.with_interval(interval);
-        Ok(Point::new(way.words(), way.name, cost, error, all.count(true) + all.count(false))
+        let (error, n) = loss(bench, areas)?;
+        Ok(Point::new(way.words(), way.name, cost, error, n)
             .default_if(way.is_default())
             .failing(failures(bench, way)?))
     });
     Ok(Facet {
-        name,
-        title: title.to_owned(),
+        name: format!("tau-{}", simulator.name()),
+        title: format!("tau alone, simulator {}", simulator.name()),
         cost: Quantity::linear("Processor time of a record of the force", "\u{b5}s"),
         error: Quantity::log("Loss of detection, 1 \u{2212} AUC", ""),
         tolerance: Tolerance { cost: 0.1, error: 0.005 },

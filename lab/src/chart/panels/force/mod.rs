@@ -79,7 +79,7 @@ fn row_of<'a>(rows: &'a [Row], way: &Way) -> Result<&'a Row> {
         .with_context(|| format!("{} was not measured", way.name))
 }
 
-fn against_truth(bench: &Bench, (name, title): (&'static str, &str), ways: &[Way], costs: &[Cost]) -> Result<Facet> {
+fn against_truth(bench: &Bench, (name, title): (&str, &str), ways: &[Way], costs: &[Cost]) -> Result<Facet> {
     let mut by_seed = vec![Vec::new(); ways.len()];
     for seed in bench.seeds() {
         let effort = Effort { seed, taps: bench.size.pulses };
@@ -100,7 +100,7 @@ fn against_truth(bench: &Bench, (name, title): (&'static str, &str), ways: &[Way
             .failing(failures(bench, way)?))
     });
     Ok(Facet {
-        name,
+        name: name.to_owned(),
         title: title.to_owned(),
         cost: Quantity::linear("Processor time of a record of the force", "\u{b5}s"),
         error: Quantity::log("Error against the contact, rms", "%"),

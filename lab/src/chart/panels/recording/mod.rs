@@ -4,12 +4,13 @@ pub(super) mod readings;
 pub(super) mod scenes;
 mod table;
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 
 use self::readings::{Heard, costs};
 use self::scenes::{Found, found};
 use super::Entry;
 use crate::chart::Bench;
+use crate::chart::casings::loss;
 use crate::chart::front::Tolerance;
 use crate::chart::panel::{Facet, Panel, Quantity};
 use crate::chart::point::{Cost, Error, Failure, Point};
@@ -94,7 +95,6 @@ pub(super) fn point(
     let of = |seed: Option<u64>| {
         found.iter().filter(move |f| f.simulator == simulator && seed.is_none_or(|seed| seed == f.seed))
     };
-    let areas = |seed: Option<u64>| Areas::of(of(seed).flat_map(|f| f.things(place)));
     let new = |error: Error, n: usize| {
         Point::new(heard.name.clone(), heard.label.clone(), cost, error, n)
             .family(heard.family)
@@ -106,31 +106,23 @@ pub(super) fn point(
         let failure = Failure { case: "scenes in which such records make no reference", measured: 1.0, limit: 0.0 };
         return Ok(new(error, 0).failing(vec![failure]));
     }
-    let all = areas(None);
-    let loss =
-        |areas: &Areas| Ok::<f64, anyhow::Error>(1.0 - areas.auc().context("locations of both kinds have an index")?);
-    let by_seed = bench.seeds().map(|seed| loss(&areas(Some(seed)))).collect::<Result<Vec<_>>>()?;
-    let interval = all.by_tyres(bench.seed).map(|(low, high)| (1.0 - high, 1.0 - low));
-    let error = Error { value: loss(&all)?, ..Error::mean_of(by_seed) }.with_interval(interval);
-    Ok(new(error, all.count(true) + all.count(false)).failing(heard.failures()))
+    let (error, n) = loss(bench, |seed| Areas::of(of(seed).flat_map(|f| f.things(place))))?;
+    Ok(new(error, n).failing(heard.failures()))
 }
 
 fn facet(bench: &Bench, simulator: Simulator, what: What, points: Vec<Point>) -> Facet {
-    let (name, title) = match (simulator, what) {
-        (Simulator::Plate, What::Bytes) => ("plate-bytes", "Length by bytes, simulator plate"),
-        (Simulator::Plate, What::Time) => ("plate-time", "Length by processor time, simulator plate"),
-        (Simulator::Plate, What::Converter) => ("plate-converter", "Sample rate and bits, simulator plate"),
-        (Simulator::Model, What::Bytes) => ("model-bytes", "Length by bytes, simulator model"),
-        (Simulator::Model, What::Time) => ("model-time", "Length by processor time, simulator model"),
-        (Simulator::Model, What::Converter) => ("model-converter", "Sample rate and bits, simulator model"),
+    let (name, title) = match what {
+        What::Bytes => ("bytes", "Length by bytes"),
+        What::Time => ("time", "Length by processor time"),
+        What::Converter => ("converter", "Sample rate and bits"),
     };
     let families = match what {
         What::Converter => readings::CONVERTER_FAMILIES.to_vec(),
         What::Bytes | What::Time => readings::LENGTH_FAMILIES.to_vec(),
     };
     Facet {
-        name,
-        title: title.to_owned(),
+        name: format!("{}-{name}", simulator.name()),
+        title: format!("{title}, simulator {}", simulator.name()),
         cost: match what {
             What::Time => Quantity::log("Processor time of a tap, all discriminators", "\u{b5}s"),
             What::Bytes | What::Converter => Quantity::log("Archived a tap, packed with lz4", "KiB"),

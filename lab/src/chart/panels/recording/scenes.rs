@@ -31,11 +31,7 @@ pub(in crate::chart::panels) struct Found {
 impl Found {
     /// The locations by way number `place`: tyre, index, and whether there is a crack.
     pub(in crate::chart::panels) fn things(&self, place: usize) -> impl Iterator<Item = (String, f64, bool)> + '_ {
-        self.judged[place].iter().flatten().flat_map(move |judged| {
-            let tyre = format!("{}-{}", self.seed, judged.tyre);
-            let places = judged.index.iter().copied().zip(judged.is_cracked.iter().copied());
-            places.map(move |(index, is_cracked)| (tyre.clone(), index, is_cracked))
-        })
+        self.judged[place].iter().flatten().flat_map(move |judged| judged.places(self.seed))
     }
 }
 
