@@ -21,6 +21,7 @@ use std::io::Write as _;
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result, bail, ensure};
+use tapline_acquire::TapSet;
 use tapline_host::arguments::ForceArgs;
 use tapline_host::atomic_file::{check_folder, write_texts};
 use tapline_host::stdout::Stdout;
@@ -80,6 +81,16 @@ impl Bench {
     fn skip(&self, panel: &'static str, why: &str) {
         self.progress.print(&format!("chart: NOTICE: {panel}: {why}"));
         self.skipped.borrow_mut().push(Skipped { panel, why: why.to_owned() });
+    }
+
+    /// The recorded taps in `folder`; if they are missing, `panel` leaves them out, with a notice.
+    fn recorded(&self, panel: &'static str, folder: &str) -> Result<Option<TapSet>> {
+        let path = self.recordings.join(folder);
+        if path.is_dir() {
+            return Ok(Some(TapSet::open(&path, 1).with_context(|| format!("cannot read {}", path.display()))?));
+        }
+        self.skip(panel, &format!("no recorded taps in {} (--recordings names their folder)", path.display()));
+        Ok(None)
     }
 
     /// The seeds.

@@ -1,13 +1,12 @@
 //! Codecs: processor time of packing against the packed size, on simulated and on recorded taps.
 
 use std::io::{Read as _, Write as _};
-use std::path::Path;
 
-use anyhow::{Context as _, Result, ensure};
+use anyhow::{Result, ensure};
 use flate2::Compression;
 use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
-use tapline_acquire::{ScanConfig, SimulatedLine, Source, TapSet};
+use tapline_acquire::{ScanConfig, SimulatedLine, Source};
 use tapline_codec::{Codec, pack, unpack};
 use tapline_model::SimulationConfig;
 use tapline_wire::{CacheLine, TapHeader, bytes_of, cache_lines_for};
@@ -59,12 +58,8 @@ fn measure(bench: &Bench) -> Result<Panel> {
     )?];
     for (place, (folder, name, title)) in RECORDED.into_iter().enumerate() {
         bench.progress.at((place + 1) as f64 / (RECORDED.len() + 1) as f64);
-        let path = bench.recordings.join(folder);
-        if path.is_dir() {
-            let mut set = TapSet::open(&path, 1).with_context(|| format!("cannot read {}", path.display()))?;
+        if let Some(mut set) = bench.recorded("codecs", folder)? {
             facets.push(facet(bench, name, title, &taps(&mut set, bench.size.taps)?, &mut table)?);
-        } else {
-            bench.skip("codecs", &absent(&path));
         }
     }
     Ok(Panel {
@@ -85,10 +80,6 @@ fn measure(bench: &Bench) -> Result<Panel> {
     })
 }
 
-fn absent(path: &Path) -> String {
-    format!("no recorded taps in {} (--recordings names their folder)", path.display())
-}
-
 /// Some taps of `source`, from all over its plan.
 fn taps(source: &mut impl Source, count: usize) -> Result<Taps> {
     let recording = source.plan().recording.clone();
@@ -97,9 +88,7 @@ fn taps(source: &mut impl Source, count: usize) -> Result<Taps> {
     let mut buffer = vec![CacheLine::default(); cache_lines_for(recording.payload_bytes_max())];
     let mut tap = |row: usize| -> Result<Vec<u8>> {
         let mut header = TapHeader::default();
-        source
-            .render(u32::try_from(row)?, 0, &mut header, &mut buffer)
-            .map_err(|refusal| anyhow::anyhow!("{refusal:?}"))?;
+        source.render(u32::try_from(row)?, 0, &mut header, &mut buffer)?;
         Ok(bytes_of(&buffer)[..header.payload_bytes()].to_vec())
     };
     let rows = (0..count.min(source_count)).map(|k| k * every);

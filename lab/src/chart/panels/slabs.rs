@@ -1,7 +1,5 @@
 //! Recorded taps with a known truth: how index, spectrum and length of the record affect detection on them.
 
-use std::path::Path;
-
 use anyhow::{Context as _, Result};
 use serde::Deserialize;
 use tapline_acquire::{Source as _, TapSet};
@@ -111,11 +109,8 @@ struct Taps {
 fn measure(bench: &Bench) -> Result<Panel> {
     let mut facets = Vec::new();
     for (number, slab) in SLABS.iter().enumerate() {
-        let path = bench.recordings.join(slab.folder);
-        if path.is_dir() {
-            facets.push(facet(bench, slab, &taps(&path)?)?);
-        } else {
-            bench.skip("slabs", &format!("no recorded taps in {} (--recordings names their folder)", path.display()));
+        if let Some(set) = bench.recorded("slabs", slab.folder)? {
+            facets.push(facet(bench, slab, &taps(set)?)?);
         }
         bench.progress.at((number + 1) as f64 / SLABS.len() as f64);
     }
@@ -137,14 +132,12 @@ fn measure(bench: &Bench) -> Result<Panel> {
     })
 }
 
-fn taps(path: &Path) -> Result<Taps> {
-    let mut set = TapSet::open(path, 1).with_context(|| format!("cannot read {}", path.display()))?;
+fn taps(mut set: TapSet) -> Result<Taps> {
     let plan = set.plan().clone();
     let bytes = plan.recording.payload_bytes_max();
     let mut tap = |row: usize| -> Result<(TapHeader, Vec<CacheLine>)> {
         let (mut header, mut buffer) = (TapHeader::default(), vec![CacheLine::default(); cache_lines_for(bytes)]);
-        let rendered = set.render(u32::try_from(row)?, 0, &mut header, &mut buffer);
-        rendered.map_err(|refusal| anyhow::anyhow!("{}: {refusal:?}", path.display()))?;
+        set.render(u32::try_from(row)?, 0, &mut header, &mut buffer)?;
         Ok((header, buffer))
     };
     let all = (0..plan.taps().len()).map(&mut tap).collect::<Result<_>>()?;
