@@ -10,6 +10,7 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail, ensure};
+use serde::{Deserialize, Serialize};
 use tapline_draw::stats::quantile;
 use tapline_wire::{
     CasingLimits, Limits, Line, LineAddress, Publisher, RecordKind, Role, Subscriber, TapHeader, TapTopic, bytes_of,
@@ -279,16 +280,16 @@ impl Seen {
         }
         let checked = check(bytes).filter(|&(number, _)| number == self.count);
         self.bad += u64::from(checked.is_none());
-        self.latency_us.push(checked.map_or(f64::NAN, |(_, sent_ns)| (arrived_ns - sent_ns) as f64 / 1e3));
+        self.latency_us.extend(checked.map(|(_, sent_ns)| (arrived_ns - sent_ns) as f64 / 1e3));
         self.count += 1;
         self.last_ns = now_ns();
     }
 
     fn report(&self) -> Result<()> {
         let cpu_ns = process_cpu_ns() - self.first_cpu_ns;
-        let [p50_us, p99_us] = [0.5, 0.99].map(|q| quantile(&self.latency_us, q).unwrap_or(f64::NAN));
-        let line = format!("{} {} {cpu_ns} {} {p50_us} {p99_us}\n", self.count, self.bad, self.last_ns);
-        io::stdout().write_all(line.as_bytes()).context("cannot report")
+        let [p50_us, p99_us] = [0.5, 0.99].map(|q| quantile(&self.latency_us, q).unwrap_or(0.0));
+        let report = Report { count: self.count, bad: self.bad, cpu_ns, last_ns: self.last_ns, p50_us, p99_us };
+        writeln!(io::stdout(), "{}", serde_json::to_string(&report)?).context("cannot report")
     }
 }
 
@@ -350,7 +351,7 @@ fn from_stream(bytes: usize) -> Result<Seen> {
 }
 
 /// What a consumer reports.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 struct Report {
     count: u64,
     bad: u64,
@@ -367,18 +368,7 @@ fn reported(consumers: Vec<Consumer>) -> Result<[Report; 2]> {
         printed.read_to_string(&mut text)?;
         let status = child.wait()?;
         ensure!(status.success(), "a consumer failed ({status})");
-        let words: Vec<&str> = text.split_whitespace().collect();
-        let &[count, bad, cpu_ns, last_ns, p50_us, p99_us] = words.as_slice() else {
-            bail!("a consumer reports {text:?}")
-        };
-        reports.push(Report {
-            count: count.parse()?,
-            bad: bad.parse()?,
-            cpu_ns: cpu_ns.parse()?,
-            last_ns: last_ns.parse()?,
-            p50_us: p50_us.parse()?,
-            p99_us: p99_us.parse()?,
-        });
+        reports.push(serde_json::from_str(&text).with_context(|| format!("a consumer reports {text:?}"))?);
     }
     reports.try_into().ok().context("there are two consumers")
 }
