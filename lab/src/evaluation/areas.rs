@@ -163,9 +163,24 @@ impl Areas {
         (most >= 1.0 && cracked_all > 0.0).then(|| found / cracked_all)
     }
 
+    /// The middle 95 % of `value` over resamples of the tyres, given how often each is drawn.
     fn resampled(&self, seed: u64, value: impl Fn(&[f64]) -> Option<f64>) -> Option<(f64, f64)> {
-        let is_enough = [true, false].iter().all(|&class| self.tyre_count(class) >= TYRES_MIN);
-        is_enough.then(|| interval(seed, self.tyre_count, value)).flatten()
+        if [true, false].iter().any(|&class| self.tyre_count(class) < TYRES_MIN) {
+            return None;
+        }
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut drawn = vec![0.0; self.tyre_count];
+        let mut values = Vec::new();
+        for _ in 0..RESAMPLES {
+            drawn.fill(0.0);
+            for _ in 0..self.tyre_count {
+                drawn[rng.random_range(0..self.tyre_count)] += 1.0;
+            }
+            values.extend(value(&drawn));
+        }
+        values.sort_by(f64::total_cmp);
+        let at = |q: f64| values[(q * (values.len() - 1) as f64).round() as usize];
+        (values.len() >= 100).then(|| (at(0.025), at(0.975)))
     }
 
     /// `drawn`, or, if resamples do not differ, the exact interval of `trials` that all succeeded or all failed.
@@ -185,23 +200,6 @@ impl Areas {
         let either = self.has(true).iter().zip(self.has(false)).filter(|&(&cracked, sound)| cracked || sound).count();
         [sound, either / 2].into_iter().fold(cracked, usize::min)
     }
-}
-
-/// The middle 95 % of `value` over resamples of `count` things, given how often each is drawn.
-pub(crate) fn interval(seed: u64, count: usize, value: impl Fn(&[f64]) -> Option<f64>) -> Option<(f64, f64)> {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut drawn = vec![0.0; count];
-    let mut values = Vec::new();
-    for _ in 0..RESAMPLES {
-        drawn.fill(0.0);
-        for _ in 0..count {
-            drawn[rng.random_range(0..count)] += 1.0;
-        }
-        values.extend(value(&drawn));
-    }
-    values.sort_by(f64::total_cmp);
-    let at = |q: f64| values[(q * (values.len() - 1) as f64).round() as usize];
-    (values.len() >= 100).then(|| (at(0.025), at(0.975)))
 }
 
 #[cfg(test)]

@@ -9,10 +9,11 @@
 //! that is read has neither.
 
 use statrs::distribution::{ContinuousCDF as _, Normal};
+use tapline_draw::stats::extent;
 
 use super::bound::{Z_95, is_admitted, upper_bound};
 use super::newton::variance;
-use super::size::{LogSizes, range, size_near, size_of};
+use super::size::{LogSizes, size_near, size_of};
 use super::{AtLeast, Refusal};
 
 /// Targets below which MIL-HDBK-1823A does not trust responses.
@@ -95,7 +96,7 @@ pub fn a_hat(sizes: &[f64], responses: &[f64], threshold: f64) -> Result<AHat, R
     if let Some(index) = responses.iter().position(|y| !y.is_finite()) {
         return Err(Refusal::Response(index, responses[index]));
     }
-    let looked_at = range(sizes.iter().copied()).filter(|_| sizes.len() >= RESPONSES_MIN);
+    let looked_at = extent(sizes.iter().copied()).filter(|_| sizes.len() >= RESPONSES_MIN);
     let looked_at = looked_at.ok_or(Refusal::TooFew("responses", sizes.len(), RESPONSES_MIN))?;
     if looked_at.0.ln() >= looked_at.1.ln() {
         return Err(Refusal::OneSize(looked_at.0));

@@ -36,12 +36,16 @@ impl AnovaRow {
     }
 }
 
-/// How many there are of each; a reading's place is (part x operators + operator) x repeats + repeat.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Shape {
-    pub parts: usize,
-    pub operators: usize,
-    pub repeats: usize,
+/// Shape of a crossed study. The reading of (part, operator, repeat) stands at (part x operators + operator) x repeats
+/// + repeat.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Crossed {
+    /// Parts; 2 or more.
+    pub part_count: usize,
+    /// Operators or stations; 2 or more.
+    pub operator_count: usize,
+    /// Readings of each part by each operator; 2 or more.
+    pub repeat_count: usize,
 }
 
 /// Sums of squares of a complete design.
@@ -56,10 +60,10 @@ pub(super) struct Sums {
 const ROUNDING: f64 = 1e-28;
 
 impl Sums {
-    /// Of `readings` with this shape.
-    pub(super) fn new(readings: &[Option<f64>], shape: Shape) -> Result<Self, Refusal> {
-        let values = complete(readings, shape)?;
-        let Shape { parts, operators, repeats } = shape;
+    /// Of the `readings` of `study`.
+    pub(super) fn new(readings: &[Option<f64>], study: Crossed) -> Result<Self, Refusal> {
+        let values = complete(readings, study)?;
+        let Crossed { part_count: parts, operator_count: operators, repeat_count: repeats } = study;
         let mean = |of: &dyn Fn(usize, usize) -> bool| {
             let (mut sum, mut count) = (0.0, 0.0);
             for (place, value) in values.iter().enumerate() {
@@ -98,8 +102,8 @@ impl Sums {
 }
 
 /// All readings of a design of at least one of each, or the first hole.
-fn complete(readings: &[Option<f64>], shape: Shape) -> Result<Vec<f64>, Refusal> {
-    let Shape { parts, operators, repeats } = shape;
+fn complete(readings: &[Option<f64>], study: Crossed) -> Result<Vec<f64>, Refusal> {
+    let Crossed { part_count: parts, operator_count: operators, repeat_count: repeats } = study;
     let expected = parts.saturating_mul(operators).saturating_mul(repeats);
     if readings.len() != expected {
         return Err(Refusal::Lengths("readings", readings.len(), "the design", expected));

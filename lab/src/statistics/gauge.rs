@@ -5,7 +5,7 @@
 //! location of a casing and an operator a station: reproducibility is then what stations differ by.
 
 use super::Refusal;
-use super::anova::{AnovaRow, Shape, Sums, at_least};
+use super::anova::{AnovaRow, Crossed, Sums, at_least};
 
 /// The interaction is pooled with the repeats if the probability of one as large, without any, is above this: the level
 /// usual with AIAG's method, so that an interaction stays unless it is clearly none.
@@ -13,18 +13,6 @@ pub const POOLED_ABOVE: f64 = 0.25;
 
 /// Categories a gauge distinguishes per part variation over gauge variation: the root of 2, as AIAG rounds it.
 const CATEGORIES: f64 = 1.41;
-
-/// Shape of a crossed study. The reading of (part, operator, repeat) stands at (part x operators + operator) x repeats
-/// + repeat.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Crossed {
-    /// Parts; 2 or more.
-    pub part_count: usize,
-    /// Operators or stations; 2 or more.
-    pub operator_count: usize,
-    /// Readings of each part by each operator; 2 or more.
-    pub repeat_count: usize,
-}
 
 /// One source of variation.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -86,8 +74,7 @@ pub fn crossed(readings: &[Option<f64>], study: Crossed) -> Result<Gauge, Refusa
     at_least("parts", part_count, 2)?;
     at_least("operators", operator_count, 2)?;
     at_least("repeats", repeat_count, 2)?;
-    let shape = Shape { parts: part_count, operators: operator_count, repeats: repeat_count };
-    let Sums { parts, operators, interaction, repeats } = Sums::new(readings, shape)?;
+    let Sums { parts, operators, interaction, repeats } = Sums::new(readings, study)?;
     let interaction_p = interaction.f_test(&repeats).map(|(_, p)| p);
     // Without repeats' scatter there is nothing to pool with, but for an interaction that is none either.
     let is_pooled = interaction_p.map_or(interaction.sum_of_squares <= 0.0, |p| p > POOLED_ABOVE);

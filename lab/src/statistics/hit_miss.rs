@@ -4,9 +4,11 @@
 //! target stands for one independent look; looks at the same crack are not independent, and count for less than they
 //! seem to.
 
+use tapline_draw::stats::extent;
+
 use super::bound::{Z_95, is_admitted, upper_bound};
-use super::newton::{At, Peak, peak, variance};
-use super::size::{LogSizes, range, size_near, size_of};
+use super::newton::{At, Peak, dot, peak, variance};
+use super::size::{LogSizes, size_near, size_of};
 use super::{AtLeast, Refusal};
 
 /// Targets below which MIL-HDBK-1823A does not trust hits and misses.
@@ -69,7 +71,7 @@ pub fn hit_miss(sizes: &[f64], is_hit: &[bool]) -> Result<HitMiss, Refusal> {
         return Err(Refusal::Lengths("sizes", sizes.len(), "is_hit", is_hit.len()));
     }
     let log = LogSizes::new(sizes)?;
-    let all_sizes = range(sizes.iter().copied()).ok_or(Refusal::TooFew("targets", 0, 1))?;
+    let all_sizes = extent(sizes.iter().copied()).ok_or(Refusal::TooFew("targets", 0, 1))?;
     overlapping(sizes, is_hit, all_sizes)?;
     let fit = fitted(&log, is_hit)?;
     let slope = fit.point[1] / log.sd;
@@ -97,7 +99,7 @@ pub fn hit_miss(sizes: &[f64], is_hit: &[bool]) -> Result<HitMiss, Refusal> {
 /// Whether there is a best curve: one that is not infinitely steep.
 fn overlapping(sizes: &[f64], is_hit: &[bool], all_sizes: (f64, f64)) -> Result<(), Refusal> {
     let of = |wanted: bool| {
-        range(sizes.iter().zip(is_hit).filter(move |&(_, &is_hit)| is_hit == wanted).map(|(&size, _)| size))
+        extent(sizes.iter().zip(is_hit).filter(move |&(_, &is_hit)| is_hit == wanted).map(|(&size, _)| size))
     };
     let (smallest_hit, largest_hit) = of(true).ok_or(Refusal::NoHits(sizes.len()))?;
     let (smallest_miss, largest_miss) = of(false).ok_or(Refusal::AllHits(sizes.len()))?;
@@ -164,5 +166,8 @@ fn softplus(eta: f64) -> f64 {
 /// Covariance of intercept and slope over ln(size) from that over standardised ln(size).
 fn on_ln_size(fit: &Peak<2>, log: &LogSizes) -> [[f64; 2]; 2] {
     let gradients = [[1.0, -log.mean / log.sd], [0.0, 1.0 / log.sd]];
-    super::newton::transformed(&fit.covariance, &gradients)
+    gradients.map(|left| {
+        let row = fit.covariance.map(|row| dot(&row, &left));
+        gradients.map(|right| dot(&row, &right))
+    })
 }

@@ -27,9 +27,9 @@ mod repeat;
 mod size;
 
 pub use a_hat::{A_HAT_TARGETS, AHat, a_hat};
-pub use anova::AnovaRow;
+pub use anova::{AnovaRow, Crossed};
 pub use few::AtLeast;
-pub use gauge::{Component, Crossed, Gauge, POOLED_ABOVE, crossed};
+pub use gauge::{Component, Gauge, POOLED_ABOVE, crossed};
 pub use hit_miss::{HIT_MISS_TARGETS, HitMiss, hit_miss};
 pub use mean::mean_interval;
 pub use one_way::{OneWay, one_way};

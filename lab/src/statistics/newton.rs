@@ -91,17 +91,6 @@ pub(super) fn variance<const N: usize>(covariance: &[[f64; N]; N], gradient: &[f
     dot(&covariance.map(|row| dot(&row, gradient)), gradient)
 }
 
-/// The quadratic form in other variables: the covariance of quantities that have these `gradients`.
-pub(super) fn transformed<const N: usize, const M: usize>(
-    covariance: &[[f64; N]; N],
-    gradients: &[[f64; N]; M],
-) -> [[f64; M]; M] {
-    gradients.map(|left| {
-        let row = covariance.map(|row| dot(&row, &left));
-        gradients.map(|right| dot(&row, &right))
-    })
-}
-
 /// Inverse of a symmetric positive definite matrix by Gauss-Jordan without pivots; `None` of any other.
 fn inverse<const N: usize>(matrix: [[f64; N]; N]) -> Option<[[f64; N]; N]> {
     let mut left = matrix;

@@ -1,7 +1,7 @@
 //! Repeatability without operators.
 
 use super::Refusal;
-use super::anova::{AnovaRow, Shape, Sums, at_least};
+use super::anova::{AnovaRow, Crossed, Sums, at_least};
 use super::gauge::{Component, above_zero, categories};
 
 /// What repeated readings of several parts find. The components are as in [`Gauge`](super::Gauge).
@@ -28,9 +28,12 @@ pub struct OneWay {
 /// [`Refusal::TooFew`] parts or repeats (2 of each); [`Refusal::Lengths`] for readings that the parts do not share
 /// evenly; [`Refusal::Incomplete`]; [`Refusal::NoScatter`].
 pub fn one_way(readings: &[Option<f64>], part_count: usize) -> Result<OneWay, Refusal> {
-    let (parts, repeats, repeat_count) = one_way_rows(readings, part_count)?;
+    at_least("parts", part_count, 2)?;
+    let repeat_count = readings.len() / part_count;
+    at_least("repeats", repeat_count, 2)?;
+    let Sums { parts, repeats, .. } = Sums::new(readings, Crossed { part_count, operator_count: 1, repeat_count })?;
     let repeatability = repeats.mean_square;
-    let part = above_zero((parts.mean_square - repeats.mean_square) / repeat_count);
+    let part = above_zero((parts.mean_square - repeats.mean_square) / repeat_count as f64);
     let of = |variance| Component::new(variance, part + repeatability);
     Ok(OneWay {
         parts,
@@ -40,18 +43,4 @@ pub fn one_way(readings: &[Option<f64>], part_count: usize) -> Result<OneWay, Re
         total: of(part + repeatability),
         ndc: categories(part, repeatability),
     })
-}
-
-/// Mean squares of parts and of readings within them, and how many readings a part has.
-fn one_way_rows(readings: &[Option<f64>], part_count: usize) -> Result<(AnovaRow, AnovaRow, f64), Refusal> {
-    let repeats = per_part("repeats", readings, part_count)?;
-    let sums = Sums::new(readings, Shape { parts: part_count, operators: 1, repeats })?;
-    Ok((sums.parts, sums.repeats, repeats as f64))
-}
-
-fn per_part(name: &'static str, readings: &[Option<f64>], part_count: usize) -> Result<usize, Refusal> {
-    at_least("parts", part_count, 2)?;
-    let each = readings.len() / part_count;
-    at_least(name, each, 2)?;
-    Ok(each)
 }

@@ -24,23 +24,17 @@ pub struct Rate {
 /// [`Refusal::TooFew`] of no trials; [`Refusal::OutOfRange`] for a count above all, or a level that is not between 0
 /// and 1.
 pub fn clopper_pearson(count: usize, all: usize, level: f64) -> Result<Rate, Refusal> {
-    let (k, n, tail) = checked(count, all, level)?;
-    let low = if count == 0 { 0.0 } else { beta_quantile(k, n - k + 1.0, tail) };
-    let high = if count == all { 1.0 } else { beta_quantile(k + 1.0, n - k, 1.0 - tail) };
-    Ok(Rate { rate: k / n, low, high })
-}
-
-/// Count, all, and the probability outside on either side.
-fn checked(count: usize, all: usize, level: f64) -> Result<(f64, f64, f64), Refusal> {
     if all == 0 {
         return Err(Refusal::TooFew("trials", 0, 1));
     }
-    let (k, n) = (count as f64, all as f64);
+    let (k, n, tail) = (count as f64, all as f64, 0.5 * (1.0 - level));
     if count > all {
         return Err(Refusal::OutOfRange("count", k, 0.0, n));
     }
     if !(level > 0.0 && level < 1.0) {
         return Err(Refusal::OutOfRange("level", level, 0.0, 1.0));
     }
-    Ok((k, n, 0.5 * (1.0 - level)))
+    let low = if count == 0 { 0.0 } else { beta_quantile(k, n - k + 1.0, tail) };
+    let high = if count == all { 1.0 } else { beta_quantile(k + 1.0, n - k, 1.0 - tail) };
+    Ok(Rate { rate: k / n, low, high })
 }

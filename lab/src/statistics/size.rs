@@ -31,11 +31,6 @@ impl LogSizes {
     }
 }
 
-/// Least and greatest of sizes that are numbers; `None` of none.
-pub(super) fn range(sizes: impl Iterator<Item = f64> + Clone) -> Option<(f64, f64)> {
-    Some((sizes.clone().min_by(f64::total_cmp)?, sizes.max_by(f64::total_cmp)?))
-}
-
 /// How far beyond the sizes looked at, as a factor, a size may lie to be an estimate at all.
 const BEYOND: f64 = 10.0;
 
