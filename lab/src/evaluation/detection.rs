@@ -1,6 +1,6 @@
 //! Which cracks are found, against their size: by hit and miss, and by the response.
 
-use crate::statistics::{AHat, AtLeast, HitMiss, Refusal, a_hat, hit_miss};
+use crate::statistics::{A_HAT_TARGETS, AHat, HIT_MISS_TARGETS, HitMiss, Refusal, a_hat, hit_miss};
 use tapline_draw::canvas::{PALE_INK, Point};
 use tapline_draw::palette::COLORS;
 
@@ -48,6 +48,16 @@ impl Detection {
         self.targets.iter().filter(|t| t.is_found).count()
     }
 
+    /// a90 and a90/95 by hit and miss, in words; or why there are none.
+    pub(crate) fn sizes_in_words(&self) -> Result<String, &Refusal> {
+        let size = |name: &str, size_mm: Option<f64>| match size_mm {
+            Some(_) => format!("{name} {} mm", cell(size_mm)),
+            None => format!("no {name}"),
+        };
+        let curve = self.hit_miss.as_ref()?;
+        Ok(format!("{}, {}", size("a90", curve.a90), size("a90/95", curve.a90_95_likelihood)))
+    }
+
     /// Its two rows in a table of [`DETECTION_COLUMNS`].
     pub(crate) fn push(&self, table: &mut Table) {
         let mut push = |method: &str, sizes: Result<([Option<f64>; 3], String), String>| {
@@ -55,10 +65,11 @@ impl Detection {
             let head = [self.class.clone().into(), method.into(), self.targets.len().into(), self.found_count().into()];
             table.push(head.into_iter().chain(sizes.map(cell)).chain([remark.into()]));
         };
-        let of_hits = self.hit_miss.as_ref().map(|h| ([h.a50, h.a90, h.a90_95_likelihood], few(h.targets)));
+        let of_hits =
+            self.hit_miss.as_ref().map(|h| ([h.a50, h.a90, h.a90_95_likelihood], few(h.targets, HIT_MISS_TARGETS)));
         push("hit or miss", of_hits.map_err(ToString::to_string));
         let of_responses = self.a_hat.as_ref().map(|a| {
-            let remarks = [few(a.targets), uneven(a)].into_iter().filter(|remark| !remark.is_empty());
+            let remarks = [few(a.targets, A_HAT_TARGETS), uneven(a)].into_iter().filter(|remark| !remark.is_empty());
             ([a.a50, a.a90, a.a90_95_likelihood], remarks.collect::<Vec<_>>().join("; "))
         });
         push("response", of_responses.map_err(ToString::to_string));
@@ -92,9 +103,8 @@ impl Detection {
 }
 
 /// That there are fewer targets than the handbook trusts.
-fn few(targets: AtLeast) -> String {
-    let AtLeast { count, wanted } = targets;
-    if targets.is_few() {
+fn few(count: usize, wanted: usize) -> String {
+    if count < wanted {
         format!("{count} targets; MIL-HDBK-1823A asks for at least {wanted} of them")
     } else {
         String::new()

@@ -40,14 +40,7 @@ fn conclusions(found: &Findings) -> Vec<String> {
 }
 
 fn detected(detection: &Detection) -> String {
-    let size = |name: &str, size_mm: Option<f64>| match size_mm {
-        Some(_) => format!("{name} {} mm", cell(size_mm)),
-        None => format!("no {name}"),
-    };
-    let sizes = match &detection.hit_miss {
-        Ok(curve) => format!("{}, {}", size("a90", curve.a90), size("a90/95", curve.a90_95_likelihood)),
-        Err(why) => format!("no a90, since {why}"),
-    };
+    let sizes = detection.sizes_in_words().unwrap_or_else(|why| format!("no a90, since {why}"));
     let (found, all) = (detection.found_count(), detection.targets.len());
     format!("Regions that reach the {}: {found} of {all} cracks found; by hit and miss {sizes}.", detection.class)
 }

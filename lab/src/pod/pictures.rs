@@ -3,6 +3,7 @@
 use crate::evaluation::{Detection, FALSE_ALARMS, Mark, Picture, Plot, axis, keys};
 use tapline_draw::canvas::{PALE_INK, Point};
 use tapline_draw::palette::COLORS;
+use tapline_draw::stats::extent;
 
 use super::Findings;
 use super::roc::Roc;
@@ -25,9 +26,7 @@ pub(super) fn pictures(found: &Findings) -> Vec<Picture> {
 
 /// Sizes from a tenth below the least to a tenth above the greatest.
 fn sizes(detection: &Detection) -> Point {
-    let sizes = || detection.targets.iter().map(|target| target.size_mm);
-    let low = sizes().min_by(f64::total_cmp).unwrap_or(1.0);
-    let high = sizes().max_by(f64::total_cmp).unwrap_or(low);
+    let (low, high) = extent(detection.targets.iter().map(|target| target.size_mm)).unwrap_or((1.0, 1.0));
     (0.9 * low, 1.1 * high)
 }
 
@@ -51,9 +50,8 @@ fn responses(detections: &[Detection]) -> Picture {
             let targets = detection.targets.iter().filter(|target| target.is_found == found);
             targets.map(|target| (target.size_mm, target.response)).collect()
         };
-        let finite = || detection.targets.iter().map(|target| target.response).filter(|x| x.is_finite());
-        let least = finite().chain([0.0]).min_by(f64::total_cmp).unwrap_or(0.0);
-        let most = finite().chain([1.0]).max_by(f64::total_cmp).unwrap_or(1.0);
+        let responses = detection.targets.iter().map(|target| target.response);
+        let (least, most) = extent(responses.chain([0.0, 1.0])).unwrap_or((0.0, 1.0));
         let mut marks = vec![Mark::Line(vec![(low, 1.0), (high, 1.0)], PALE_INK, 1.0)];
         let mut name = detection.class.clone();
         match &detection.a_hat {

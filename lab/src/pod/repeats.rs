@@ -8,7 +8,7 @@ use crate::evaluation::{GAUGE_COLUMNS, Reading, Table, crossed_cells, one_way_ce
 use crate::statistics::{Crossed, Gauge, OneWay, Refusal, crossed, one_way};
 
 use super::archives::{Scanned, Scans};
-use super::roc::SAME_LIMIT;
+use super::roc::different;
 
 /// Parts that AIAG asks for.
 const PARTS: usize = 10;
@@ -40,18 +40,13 @@ type AtStation<'a> = BTreeMap<u16, Vec<&'a Scanned>>;
 
 /// The studies of both kinds of parts: across stations where shoulders were scanned again at several, and at one.
 pub(super) fn repeated(scans: &Scans) -> Vec<Repeated> {
-    let by_station = |scans: &'_ Vec<Scanned>| {
-        let mut at: BTreeMap<u16, Vec<usize>> = BTreeMap::new();
-        scans.iter().enumerate().for_each(|(k, scan)| at.entry(scan.station).or_default().push(k));
+    let mut again: Vec<AtStation<'_>> = Vec::new();
+    for scans in scans.of_shoulder.values() {
+        let mut at = AtStation::new();
+        scans.iter().for_each(|scan| at.entry(scan.station).or_default().push(scan));
         at.retain(|_, scans| scans.len() >= 2);
-        at
-    };
-    let again: Vec<AtStation<'_>> = (scans.of_shoulder.values())
-        .map(|scans| {
-            by_station(scans).into_iter().map(|(s, ks)| (s, ks.into_iter().map(|k| &scans[k]).collect())).collect()
-        })
-        .filter(|at: &AtStation<'_>| !at.is_empty())
-        .collect();
+        again.extend(Some(at).filter(|at| !at.is_empty()));
+    }
     let mut studies = Vec::new();
     for reading in Reading::ALL {
         if let Some(stations) = shared_stations(&again) {
@@ -121,8 +116,8 @@ impl Repeated {
         if design.left_out > 0 {
             remarks.push(format!("{} parts left out for which not every scan has a value", design.left_out));
         }
-        if let Some((low, high)) = &design.limits {
-            remarks.push(format!("limits lie between {low} and {high}: not all scans had the same reference"));
+        if let Some((low, high)) = design.limits {
+            remarks.push(format!("limits lie between {low:.3} and {high:.3}: not all scans had the same reference"));
         }
         Self {
             quantity: reading.name(),
@@ -142,7 +137,7 @@ struct Design {
     repeat_count: usize,
     left_out: usize,
     /// Least and greatest re-inspect limit where they differ.
-    limits: Option<(String, String)>,
+    limits: Option<(f64, f64)>,
 }
 
 impl Design {
@@ -168,10 +163,7 @@ impl Design {
                 }
             }
         }
-        let limits = || shoulders.iter().flatten().flat_map(|scans| scans.iter()).map(|scan| scan.result.limit);
-        let range = limits().min_by(f64::total_cmp).zip(limits().max_by(f64::total_cmp));
-        let differ = range.filter(|(low, high)| high > &((1.0 + SAME_LIMIT) * low));
-        let limits = differ.map(|(low, high)| (format!("{low:.3}"), format!("{high:.3}")));
+        let limits = different(shoulders.iter().flatten().copied().flatten().map(|scan| &scan.result));
         Self { readings, part_count, repeat_count, left_out, limits }
     }
 }

@@ -1,11 +1,18 @@
 //! ROC curves of shoulders, by their strongest arc, and of locations, by their damage index.
 
-use crate::evaluation::{Areas, FALSE_ALARMS, FoundAt, Table, cell, ends};
+use tapline_draw::stats::extent;
+
+use crate::evaluation::{Areas, FALSE_ALARMS, FoundAt, ShoulderResult, Table, cell, ends};
 
 use super::inspected::InspectedShoulder;
 
 /// Shoulders whose limits differ by more than this fraction have different references.
-pub(super) const SAME_LIMIT: f64 = 0.01;
+const SAME_LIMIT: f64 = 0.01;
+
+/// Least and greatest of the limits of `results`, where they differ.
+pub(super) fn different<'a>(results: impl Iterator<Item = &'a ShoulderResult>) -> Option<(f64, f64)> {
+    extent(results.map(|result| result.limit)).filter(|(low, high)| high > &((1.0 + SAME_LIMIT) * low))
+}
 
 /// One curve.
 #[derive(Debug)]
@@ -30,12 +37,9 @@ pub(super) fn rocs(inspected: &[InspectedShoulder], seed: u64) -> [Roc; 2] {
         let places = result.index.iter().zip(&result.is_cracked);
         places.map(|(&index, &is_cracked)| (result.tyre.clone(), index, is_cracked))
     });
-    let limits = || results().map(|result| result.limit).filter(|limit| limit.is_finite());
-    let range = limits().min_by(f64::total_cmp).zip(limits().max_by(f64::total_cmp));
-    let pooled =
-        range.filter(|(low, high)| high > &((1.0 + SAME_LIMIT) * low)).map_or_else(String::new, |(low, high)| {
-            format!("limits lie between {} and {}: scores of different references are pooled", cell(low), cell(high))
-        });
+    let pooled = different(results()).map_or_else(String::new, |(low, high)| {
+        format!("limits lie between {} and {}: scores of different references are pooled", cell(low), cell(high))
+    });
     let blind = results().flat_map(|result| &result.index).filter(|index| index.is_nan()).count();
     let blind = if blind > 0 { format!("{blind} locations without an index are left out") } else { String::new() };
     [

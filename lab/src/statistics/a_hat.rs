@@ -11,10 +11,10 @@
 use statrs::distribution::{ContinuousCDF as _, Normal};
 use tapline_draw::stats::extent;
 
+use super::Refusal;
 use super::bound::{Z_95, is_admitted, upper_bound};
 use super::newton::variance;
 use super::size::{LogSizes, size_near, size_of};
-use super::{AtLeast, Refusal};
 
 /// Targets below which MIL-HDBK-1823A does not trust responses.
 pub const A_HAT_TARGETS: usize = 40;
@@ -59,8 +59,8 @@ pub struct AHat {
     /// Whether the responses scatter equally at all sizes, as the model has it: n r² with r the correlation of squared residuals with
     /// ln(size) stays below what it exceeds in one of 100 studies (Koenker, J. Econometrics 17 (1981) 107).
     pub has_even_scatter: bool,
-    /// Targets looked at, against the [`A_HAT_TARGETS`] that are wanted.
-    pub targets: AtLeast,
+    /// Targets looked at; [`A_HAT_TARGETS`] are wanted.
+    pub targets: usize,
 }
 
 impl AHat {
@@ -160,7 +160,7 @@ pub fn a_hat(sizes: &[f64], responses: &[f64], threshold: f64) -> Result<AHat, R
         a90: size_near(ln_a90, looked_at),
         a90_95_likelihood: if is_rising { upper_bound(ln_a90, sd, best, through).and_then(size_of) } else { None },
         has_even_scatter,
-        targets: AtLeast { count: sizes.len(), wanted: A_HAT_TARGETS },
+        targets: sizes.len(),
     })
 }
 

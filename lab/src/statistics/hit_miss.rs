@@ -6,10 +6,10 @@
 
 use tapline_draw::stats::extent;
 
+use super::Refusal;
 use super::bound::{Z_95, is_admitted, upper_bound};
 use super::newton::{At, Peak, dot, peak, variance};
 use super::size::{LogSizes, size_near, size_of};
-use super::{AtLeast, Refusal};
 
 /// Targets below which MIL-HDBK-1823A does not trust hits and misses.
 pub const HIT_MISS_TARGETS: usize = 60;
@@ -39,8 +39,8 @@ pub struct HitMiss {
     /// covariance gives, in 87 %. `None` where the data admit at this level that larger cracks are found no more easily:
     /// then no size is large enough.
     pub a90_95_likelihood: Option<f64>,
-    /// Targets looked at, against the [`HIT_MISS_TARGETS`] that are wanted.
-    pub targets: AtLeast,
+    /// Targets looked at; [`HIT_MISS_TARGETS`] are wanted.
+    pub targets: usize,
 }
 
 impl HitMiss {
@@ -92,7 +92,7 @@ pub fn hit_miss(sizes: &[f64], is_hit: &[bool]) -> Result<HitMiss, Refusal> {
         a50: size_near(-intercept / slope, all_sizes),
         a90: size_near(ln_a90, all_sizes),
         a90_95_likelihood: if is_rising { bound().and_then(size_of) } else { None },
-        targets: AtLeast { count: sizes.len(), wanted: HIT_MISS_TARGETS },
+        targets: sizes.len(),
     })
 }
 

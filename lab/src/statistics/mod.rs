@@ -15,7 +15,6 @@ mod a_hat;
 mod anova;
 mod beta;
 mod bound;
-mod few;
 mod gauge;
 mod hit_miss;
 mod mean;
@@ -28,7 +27,6 @@ mod size;
 
 pub use a_hat::{A_HAT_TARGETS, AHat, a_hat};
 pub use anova::{AnovaRow, Crossed};
-pub use few::AtLeast;
 pub use gauge::{Component, Gauge, POOLED_ABOVE, crossed};
 pub use hit_miss::{HIT_MISS_TARGETS, HitMiss, hit_miss};
 pub use mean::mean_interval;

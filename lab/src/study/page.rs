@@ -1,6 +1,7 @@
 //! The page: the tables, and conclusions in words that depend on their numbers.
 
 use crate::evaluation::{Call, Detection, Picture, Reading, cell, ends, page_of};
+use tapline_draw::stats::extent;
 use tapline_fuse::IndexKind;
 
 use super::Findings;
@@ -86,9 +87,8 @@ fn called(calls: &[FalseCalls]) -> Vec<String> {
     let text = |(call, stated): (Call, f64)| {
         let is_it =
             |c: &&FalseCalls| c.index == IndexKind::default() && c.call == call && c.stated.total_cmp(&stated).is_eq();
-        let rates = || calls.iter().filter(is_it).map(|c| c.rate.rate);
-        let [least, most] = [rates().min_by(f64::total_cmp), rates().max_by(f64::total_cmp)];
-        format!("{}, {} stated: {} to {}", call.name(), cell(stated), cell(least), cell(most))
+        let [least, most] = ends(extent(calls.iter().filter(is_it).map(|c| c.rate.rate)));
+        format!("{}, {} stated: {least} to {most}", call.name(), cell(stated))
     };
     let above = calls.iter().filter(|c| c.rate.low > c.stated).map(|c| {
         let (index, call, rate) = (c.index.name(), c.call.name(), c.rate);
@@ -104,16 +104,8 @@ fn called(calls: &[FalseCalls]) -> Vec<String> {
 
 fn detected(detection: &[Detection]) -> String {
     let text = |d: &Detection| {
-        let size = |name: &str, size_mm: Option<f64>| match size_mm {
-            Some(_) => format!("{name} {} mm", cell(size_mm)),
-            None => format!("no {name}"),
-        };
-        let sizes = match &d.hit_miss {
-            Ok(curve) => format!("{}, {}", size("a90", curve.a90), size("a90/95", curve.a90_95_likelihood)),
-            Err(_) => "no a90, for the reason in the table".to_owned(),
-        };
-        let found = d.targets.iter().filter(|target| target.is_found).count();
-        format!("{}, {found} of {} found: {sizes}", d.class, d.targets.len())
+        let sizes = d.sizes_in_words().unwrap_or_else(|_| "no a90, for the reason in the table".to_owned());
+        format!("{}, {} of {} found: {sizes}", d.class, d.found_count(), d.targets.len())
     };
     format!("Finds by hit and miss: {}.", listed(&detection.iter().map(text).collect::<Vec<_>>()))
 }
@@ -127,8 +119,7 @@ fn published(detection: &[Detection], found: &[FoundOnSet]) -> Vec<String> {
             cell(mm)
         )
     });
-    let rates = || found.iter().map(|of| of.found.rate);
-    let range = rates().min_by(f64::total_cmp).zip(rates().max_by(f64::total_cmp)).map(|(least, most)| {
+    let range = extent(found.iter().map(|of| of.found.rate)).map(|(least, most)| {
         format!(
             "At 5 % false alarms {} to {} of the cracked locations are found, set by set; {} is published for another structure, \
              concrete slabs (FHWA).",
