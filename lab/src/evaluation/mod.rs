@@ -15,6 +15,6 @@ pub(crate) use call::Call;
 pub(crate) use detection::{DETECTION_COLUMNS, Detection, Target};
 pub(crate) use draw::{HALF_BOX, Key, Mark, Picture, Plot, axis, keys};
 pub(crate) use gauge::{GAUGE_COLUMNS, Reading, crossed_cells, one_way_cells, refused_cells};
-pub(crate) use page::{page_of, print_tables};
+pub(crate) use page::{files_of, page_of, print_tables};
 pub(crate) use shoulder::{ShoulderResult, overlap};
 pub(crate) use table::{Cell, Table, cell, ends, rounded, yes_or_no};

@@ -1,6 +1,7 @@
 //! Tables as text or JSON on the terminal, and as a page with their figures.
 
 use std::io::Write as _;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use serde_json::{Map, Value};
@@ -20,6 +21,13 @@ pub(crate) fn print_tables(tables: &[Table], as_json: bool) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// The files of `tables` and `pictures` in `folder`.
+pub(crate) fn files_of(tables: &[Table], pictures: &[Picture], folder: &Path) -> Result<Vec<(PathBuf, String)>> {
+    let tables = tables.iter().map(|table| Ok((folder.join(format!("{}.csv", table.name)), table.csv()?)));
+    let pictures = pictures.iter().map(|picture| Ok((folder.join(format!("{}.svg", picture.name)), picture.svg()?)));
+    tables.chain(pictures).collect()
 }
 
 /// A page: `head`, the findings in short, and the tables under their `heading`s with the pictures that belong to them. Files are

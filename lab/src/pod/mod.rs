@@ -26,7 +26,7 @@ use self::calls::CallRate;
 use self::repeats::Repeated;
 use self::roc::Roc;
 use self::truth::KnownTruth;
-use crate::evaluation::{Detection, Table, print_tables};
+use crate::evaluation::{Detection, Table, files_of, print_tables};
 
 /// Options of `pod`.
 #[derive(Debug, clap::Args)]
@@ -109,16 +109,9 @@ impl Findings {
     }
 
     fn write(&self, folder: &Path, existing: Existing) -> Result<()> {
-        let mut files = Vec::new();
-        for table in &self.tables {
-            files.push((format!("{}.csv", table.name), table.csv()?));
-        }
         let pictures = pictures::pictures(self);
-        for picture in &pictures {
-            files.push((format!("{}.svg", picture.name), picture.svg()?));
-        }
-        files.push(("page.md".to_owned(), page::page(self, &pictures)));
-        let files: Vec<_> = files.into_iter().map(|(name, text)| (folder.join(name), text)).collect();
+        let mut files = files_of(&self.tables, &pictures, folder)?;
+        files.push((folder.join("page.md"), page::page(self, &pictures)));
         Ok(write_texts(&files, existing)?)
     }
 }

@@ -31,7 +31,7 @@ use self::gauge::GaugeResult;
 use self::published::FoundOnSet;
 use self::size::Size;
 use self::summary::OfSet;
-use crate::evaluation::{Detection, Table, print_tables};
+use crate::evaluation::{Detection, Table, files_of, print_tables};
 
 /// Options of a study.
 #[derive(Debug, clap::Args)]
@@ -163,14 +163,8 @@ impl Findings {
         let name = folder.file_name().and_then(|name| name.to_str());
         let name =
             name.with_context(|| format!("--out is {}; it must end with the name of a folder", folder.display()))?;
-        let mut files = Vec::new();
-        for table in &self.tables {
-            files.push((folder.join(format!("{}.csv", table.name)), table.csv()?));
-        }
         let pictures = pictures::pictures(&self.candidates, &self.alone, &self.detection, &self.sets, seed);
-        for picture in &pictures {
-            files.push((folder.join(format!("{}.svg", picture.name)), picture.svg()?));
-        }
+        let mut files = files_of(&self.tables, &pictures, folder)?;
         files.push((folder.with_added_extension("md"), page::page(self, &pictures, name)));
         Ok(write_texts(&files, existing)?)
     }
