@@ -1,27 +1,12 @@
 //! `tapline-lab experiment`: the committed page, figures and tables are those that the program writes.
 
-use crate::sandbox::{Sandbox, files};
+use std::collections::BTreeSet;
+
+use crate::sandbox::{Sandbox, difference, files};
 use tapline_testing::documents::{csv_rows, docs, text};
 
 const FIGURES: [&str; 10] =
     ["fig60", "fig61", "fig62", "fig63-64", "fig66-67", "fig68", "fig69", "fig70-71", "fig73-75", "fig76"];
-
-/// The first place at which two texts differ by more than `tolerance` in a number, or at all in anything else.
-fn difference(kept: &str, made: &str, tolerance: f64) -> Option<String> {
-    let words = |text: &str| -> Vec<String> {
-        let is_between = |c: char| c.is_whitespace() || matches!(c, ',' | ';' | '|' | ':');
-        text.split(is_between).filter(|word| !word.is_empty()).map(str::to_owned).collect()
-    };
-    let (kept, made) = (words(kept), words(made));
-    if kept.len() != made.len() {
-        return Some(format!("{} words are now {}", kept.len(), made.len()));
-    }
-    let differs = |(kept, made): &(&String, &String)| match (kept.parse::<f64>(), made.parse::<f64>()) {
-        (Ok(kept), Ok(made)) => (kept - made).abs() > tolerance * kept.abs(),
-        _ => kept != made,
-    };
-    kept.iter().zip(&made).find(differs).map(|(kept, made)| format!("{kept} is now {made}"))
-}
 
 /// Catches a committed page, table or list of claims that went stale, and a figure without a file.
 ///
@@ -71,31 +56,7 @@ fn the_index_finds_the_planted_cracks() {
     }
 }
 
-/// Catches a page and a table of claims that do not say the same, a claim printed twice, and a verdict without a number.
-#[test]
-fn the_page_says_what_the_table_says() {
-    let claims = csv_rows(&text(&docs("experiment/claims.csv")));
-    let page = text(&docs("experiment.md"));
-    assert!(claims.len() > 30, "{}", claims.len());
-    let rows: Vec<&str> = page.lines().filter(|line| line.starts_with("| `")).collect();
-    assert_eq!(rows.len(), claims.len());
-    for (claim, row) in claims.iter().zip(rows) {
-        let cells: Vec<&str> = row.trim_matches('|').split(" | ").map(str::trim).collect();
-        let [name, place, given, here, agrees, remark] = cells[..] else { panic!("{row}") };
-        assert!(name.starts_with(&format!("`{}`: ", claim["claim"])), "{row}");
-        assert_eq!((place, agrees), (claim["where"].as_str(), claim["agrees"].as_str()), "{row}");
-        assert_eq!(given, if claim["dissertation"].is_empty() { "no number" } else { &claim["dissertation"] }, "{row}");
-        assert_eq!(here, format!("{}: {}", claim["quantity"], claim["ours"]), "{row}");
-        assert!(["yes", "no", "not testable"].contains(&agrees) && !remark.is_empty(), "{row}");
-        assert!(claim["ours"].chars().any(|c| c.is_ascii_digit()) && !claim["ours"].contains("NaN"), "{row}");
-    }
-    let mut names: Vec<&str> = claims.iter().map(|claim| claim["claim"].as_str()).collect();
-    names.sort_unstable();
-    names.dedup();
-    assert_eq!(names.len(), claims.len());
-}
-
-/// Catches a verdict that depends on chance without the page saying so, bytes that depend on more than the seed, and a file that
+/// Catches a verdict that depends on chance without the page saying so, a claim twice, bytes that depend on more than the seed, and a file that
 /// does not depend on it.
 #[test]
 fn verdicts_hang_on_the_seed_only_where_the_page_says_so() {
@@ -109,6 +70,8 @@ fn verdicts_hang_on_the_seed_only_where_the_page_says_so() {
         printed.filter(|(name, _)| !BY_CHANCE.contains(&name.as_str())).collect()
     };
     let kept = verdicts(&text(&docs("experiment/claims.csv")));
+    let names: BTreeSet<&String> = kept.iter().map(|(name, _)| name).collect();
+    assert!(names.len() == kept.len() && kept.len() > 30, "{kept:?}");
     let made = |seed: u32, folder: &str| {
         sandbox.run(&format!("experiment --seed {seed} --out {folder}/it")).expect(0);
         files(&sandbox.path(folder).join("it"))
