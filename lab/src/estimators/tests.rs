@@ -1,15 +1,11 @@
 //! The committed table of estimators, part of it measured again.
 
-use std::path::Path;
+use tapline_testing::documents::{docs, text};
 
 use super::{Cell, Row, csv, markdown, measure};
 
-fn committed(name: &str) -> String {
-    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs").join(name)).unwrap()
-}
-
 fn rows() -> Vec<Row> {
-    ::csv::Reader::from_reader(committed("estimators.csv").as_bytes()).deserialize().map(|row| row.unwrap()).collect()
+    ::csv::Reader::from_reader(text(&docs("estimators.csv")).as_bytes()).deserialize().map(|row| row.unwrap()).collect()
 }
 
 /// Catches an estimator, a pulse or a sound that has changed since the table was written: cells of every table, again.
@@ -74,6 +70,6 @@ fn default_estimators_keep_their_limits() {
 /// Catches a page that does not show the committed table.
 #[test]
 fn the_page_shows_the_table() {
-    assert!(markdown(&rows()) == committed("estimators.md"), "run `tapline-lab estimators`");
-    assert_eq!(csv(&rows()).unwrap(), committed("estimators.csv"));
+    assert!(markdown(&rows()) == text(&docs("estimators.md")), "run `tapline-lab estimators`");
+    assert_eq!(csv(&rows()).unwrap(), text(&docs("estimators.csv")));
 }

@@ -1,6 +1,6 @@
 //! The committed tables of the breakdown curves are what the code computes.
 
-use std::path::Path;
+use tapline_testing::documents::{docs, text};
 
 use super::curves::{Curve, clipping, offset, restitution, velocity_drift};
 
@@ -13,11 +13,8 @@ const ROUNDING: f64 = 1e-6;
 /// nine are computed again; an error may differ in its last digits only, or below 1e-6.
 #[test]
 fn tables_are_those_of_the_code() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/stability");
     for curve in [clipping(), offset(), restitution(), velocity_drift()] {
-        let path = folder.join(format!("{}.csv", curve.name));
-        let committed = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-        compare(&curve, &committed);
+        compare(&curve, &text(&docs(&format!("stability/{}.csv", curve.name))));
     }
 }
 
