@@ -1,6 +1,7 @@
 //! Shoulders that were judged, with the truth about them.
 
-use tapline_wire::Verdict;
+use anyhow::{Context as _, Result};
+use tapline_wire::{DamageCell, Judgement, Scan, Verdict};
 
 /// One shoulder.
 #[derive(Debug, Clone)]
@@ -21,6 +22,24 @@ pub(crate) struct ShoulderResult {
 }
 
 impl ShoulderResult {
+    /// The result of `scan`, with the truth about its locations.
+    pub(crate) fn new(
+        scan: &Scan,
+        (judgement, cells): &(Judgement, Vec<DamageCell>),
+        is_cracked: Vec<bool>,
+    ) -> Result<Self> {
+        Ok(Self {
+            tyre: scan.tyre.to_string(),
+            shoulder: scan.shoulder,
+            verdict: Verdict::from_code(judgement.verdict).context("a shoulder has no verdict")?,
+            index: cells.iter().map(|cell| cell.damage_index).collect(),
+            strongest_arc: judgement.strongest_arc,
+            limit: judgement.limit_re_inspect,
+            is_called: cells.iter().map(|cell| cell.region > 0).collect(),
+            is_cracked,
+        })
+    }
+
     /// Whether it has no crack.
     pub(crate) fn is_sound(&self) -> bool {
         !self.is_cracked.contains(&true)

@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::{Context as _, Result, ensure};
 use tapline_host::progress::{Progress, Unit};
 use tapline_store::{Folder, Judged, Reader};
-use tapline_wire::{DamageCell, Geometry, Judgement, Scan, Verdict};
+use tapline_wire::{DamageCell, Geometry, Judgement, Scan};
 
 use super::truth::{Crack, Extent, Inspected, KnownTruth, Shoulder};
 use crate::evaluation::ShoulderResult;
@@ -152,7 +152,8 @@ impl Scans {
     }
 }
 
-fn scanned(reader: &Reader, scan: &Scan, (judgement, cells): &Judged) -> Result<Scanned> {
+fn scanned(reader: &Reader, scan: &Scan, judged: &Judged) -> Result<Scanned> {
+    let (judgement, cells) = judged;
     let geometry = reader.plan().geometry;
     let locations: Vec<u32> = cells.iter().map(|cell| cell.location).collect();
     let (first, last) = locations.first().zip(locations.last()).context("a shoulder has no location")?;
@@ -161,16 +162,6 @@ fn scanned(reader: &Reader, scan: &Scan, (judgement, cells): &Judged) -> Result<
     let extent = Extent { geometry, first: *first, last };
     let truth = |location: &u32| reader.truth().get(&(scan.tyre, scan.shoulder, *location)).copied();
     let known: Option<Vec<bool>> = locations.iter().map(truth).collect();
-    let result = ShoulderResult {
-        tyre: scan.tyre.to_string(),
-        shoulder: scan.shoulder,
-        verdict: Verdict::from_code(judgement.verdict).context("a shoulder has no verdict")?,
-        index: cells.iter().map(|cell| cell.damage_index).collect(),
-        strongest_arc: judgement.strongest_arc,
-        limit: judgement.limit_re_inspect,
-        is_called: cells.iter().map(|cell| cell.region > 0).collect(),
-        is_cracked: vec![false; cells.len()],
-    };
     Ok(Scanned {
         archive: String::new(),
         station: scan.station,
@@ -181,7 +172,7 @@ fn scanned(reader: &Reader, scan: &Scan, (judgement, cells): &Judged) -> Result<
         judgement: *judgement,
         known: known.map(|known| cracks(extent, &locations, &known)),
         locations,
-        result,
+        result: ShoulderResult::new(scan, judged, vec![false; cells.len()])?,
     })
 }
 

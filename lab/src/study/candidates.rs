@@ -89,12 +89,8 @@ pub(super) fn candidates(split: &Split) -> Result<(Vec<Candidate>, Vec<SingleDis
         let areas = Areas::new(&judged);
         Ok(Candidate { set: split.name, reference, index, judged, areas })
     })?;
-    let of_discriminator = |(which, results): (Discriminator, Vec<ShoulderResult>)| SingleDiscriminator {
-        set: split.name,
-        which,
-        areas: Areas::new(&results),
-    };
-    Ok((candidates, alone(&judged, Some(&healthy))?.into_iter().map(of_discriminator).collect()))
+    let alone = alone(&judged, Some(&healthy))?.into_iter();
+    Ok((candidates, alone.map(|(which, areas)| SingleDiscriminator { set: split.name, which, areas }).collect()))
 }
 
 /// The best single discriminator on `set`.

@@ -6,7 +6,7 @@ use anyhow::{Context as _, Result};
 use tapline_acquire::{ScanConfig, TyreConfig};
 use tapline_fuse::{Built, KnownShoulder, ReferenceSet, build_reference};
 use tapline_model::SimulationConfig;
-use tapline_wire::{Discriminators, Plan, PlannedTap, Truth};
+use tapline_wire::{Discriminators, Plan, PlannedTap, Scan, Truth};
 
 use crate::in_memory::scanned;
 use crate::simulated::{Reader, Reading};
@@ -79,6 +79,12 @@ impl Dataset {
     /// Its taps of tyres that `is_wanted` selects.
     pub(super) fn of_tyres(&self, is_wanted: impl Fn(&str) -> bool) -> Result<Self> {
         self.only(|tap| is_wanted(tap.id.tyre.as_str()))
+    }
+
+    /// Whether each location of `scan` is cracked.
+    pub(super) fn is_cracked(&self, scan: &Scan) -> Vec<bool> {
+        let truth = |location| self.plan.truth().get(&(scan.tyre, scan.shoulder, location)).copied();
+        scan.locations.iter().map(|&(location, _)| truth(location).unwrap_or(false)).collect()
     }
 
     /// The reference from tyres that `is_wanted` selects, stated to be sound.
