@@ -1,6 +1,5 @@
 //! Sets of simulated casings: the values of every tap; a scan uses some of them.
 
-use std::collections::BTreeMap;
 use std::ops::Range;
 
 use anyhow::{Context as _, Result, ensure};
@@ -62,9 +61,16 @@ pub(crate) fn simulate(
         }
         Simulator::Model => modelled(&scene.model(shape), shape, tyres, seed, readings)?,
     };
+    ensure!(plan.taps().len() == taps.len(), "a tap was not taken");
     let set = |number: usize| {
-        let found = taps.iter().map(|of_tap| &of_tap[number]);
-        Ok(Set { tyres: tyres.to_vec(), shape: shape.clone(), found: in_order(tyres, shape, &plan, found)? })
+        let absent = (Values::default(), f64::NAN);
+        let found = vec![absent; tyres.len() * shape.tap_count()];
+        let mut set = Set { tyres: tyres.to_vec(), shape: shape.clone(), found };
+        for tap in taps.iter().map(|of_tap| &of_tap[number]) {
+            let place = set.place(&tap.id)?;
+            set.found[place] = (tap.values, tap.velocity_measured_m_per_s);
+        }
+        Ok(set)
     };
     (0..readings.len()).map(set).collect()
 }
@@ -118,23 +124,6 @@ pub fn simulated(
     sets.into_iter().next().context("there is one reading")
 }
 
-/// What was found, in the order of a set.
-fn in_order<'a>(
-    tyres: &[Tyre],
-    shape: &ScanShape,
-    plan: &Plan,
-    found: impl ExactSizeIterator<Item = &'a Discriminators>,
-) -> Result<Vec<Found>> {
-    let mut all = vec![(Values::default(), f64::NAN); tyres.len() * shape.tap_count()];
-    let numbers = numbers_of(tyres);
-    ensure!(plan.taps().len() == found.len(), "a tap was not taken");
-    for tap in found {
-        let casing = *numbers.get(tap.id.tyre.as_str()).context("a tap of another casing")?;
-        all[place(shape, casing, &tap.id)?] = (tap.values, tap.velocity_measured_m_per_s);
-    }
-    Ok(all)
-}
-
 /// `values`, each changed by `change`.
 fn changed(values: Values, change: impl Fn(Discriminator, f64) -> f64) -> Values {
     let mut changed = Values::default();
@@ -142,11 +131,6 @@ fn changed(values: Values, change: impl Fn(Discriminator, f64) -> f64) -> Values
         changed.set(which, values.get(which).map(|value| change(which, value)));
     }
     changed
-}
-
-/// The number of each casing, by its serial.
-fn numbers_of(tyres: &[Tyre]) -> BTreeMap<&str, usize> {
-    tyres.iter().enumerate().map(|(number, tyre)| (tyre.serial.as_str(), number)).collect()
 }
 
 impl Set {
@@ -166,7 +150,7 @@ impl Set {
         let tyre = self.tyres.first().context("the set has no casings")?;
         let plan = self.shape.plan(&[tyre.of_plate()])?;
         let first = plan.taps().iter().find(|tap| taps.has(tap)).context("the set has no such tap")?;
-        place(&self.shape, 0, &first.id)
+        self.place(&first.id)
     }
 
     /// The planned `taps` of some casings of the set: their plan and values, after the change by `scene`.
@@ -178,11 +162,9 @@ impl Set {
         let all = self.shape.plan(&tyres)?;
         let planned: Vec<PlannedTap> = all.taps().iter().copied().filter(|tap| taps.has(tap)).collect();
         let plan = Plan::new(all.geometry, all.recording.clone(), planned, all.truth().clone())?;
-        let numbers = numbers_of(&self.tyres);
         let found = (0..).zip(plan.taps()).map(|(plan_index, tap)| {
-            let casing = *numbers.get(tap.id.tyre.as_str()).context("a tap of another casing")?;
-            let mut record = self.record(casing, plan_index, tap)?;
-            if scene.changes_a_turn() && self.is_turn_changed(casing, taps, tap)? {
+            let mut record = self.record(plan_index, tap)?;
+            if scene.changes_a_turn() && self.is_turn_changed(taps, tap)? {
                 let gone = f64::from(tap.id.location) / f64::from(self.shape.location_count);
                 record.values = changed(record.values, |which, value| scene.changed(which, value, gone));
             }
@@ -197,43 +179,42 @@ impl Set {
     /// # Errors
     /// If the set has not all of these taps.
     pub fn again(&self, taps: &[PlannedTap], plan: &Plan) -> Result<Vec<Discriminators>> {
-        let numbers = numbers_of(&self.tyres);
         let row = u32::try_from(plan.taps().len())?;
-        let of = |(plan_index, tap): (u32, &PlannedTap)| {
-            let casing = *numbers.get(tap.id.tyre.as_str()).context("a tap of another casing")?;
-            self.record(casing, plan_index, tap)
-        };
-        (row..).zip(taps).map(of).collect()
+        (row..).zip(taps).map(|(plan_index, tap)| self.record(plan_index, tap)).collect()
     }
 
     /// Whether `tap` belongs to the turn that a scene changes: of shoulder 1, a different one in each casing.
-    fn is_turn_changed(&self, casing: usize, taps: &ScanTaps, tap: &PlannedTap) -> Result<bool> {
+    fn is_turn_changed(&self, taps: &ScanTaps, tap: &PlannedTap) -> Result<bool> {
         let repetitions = taps.turns.iter().map(|turn| usize::from(turn.repetition) + 1).max().unwrap_or(1);
         let turn_count = self.shape.offsets_mm.len() * self.shape.velocities_m_per_s.len() * repetitions;
         let offset = nearest(&self.shape.offsets_mm, tap.id.offset_mm())?;
         let velocity = nearest(&self.shape.velocities_m_per_s, tap.id.velocity_m_per_s())?;
         let condition = offset * self.shape.velocities_m_per_s.len() + velocity;
         let turn = condition * repetitions + usize::from(tap.id.repetition);
-        Ok(tap.id.shoulder == 1 && turn == casing % turn_count)
+        Ok(tap.id.shoulder == 1 && turn == self.casing(&tap.id)? % turn_count)
     }
 
-    fn record(&self, casing: usize, plan_index: u32, tap: &PlannedTap) -> Result<Discriminators> {
-        let at = place(&self.shape, casing, &tap.id)?;
-        let &(values, velocity_measured_m_per_s) = self.found.get(at).context("a tap that is not in the set")?;
+    fn record(&self, plan_index: u32, tap: &PlannedTap) -> Result<Discriminators> {
+        let found = self.found.get(self.place(&tap.id)?);
+        let &(values, velocity_measured_m_per_s) = found.context("a tap that is not in the set")?;
         Ok(Discriminators { id: tap.id, plan_index, velocity_measured_m_per_s, values, ..Discriminators::default() })
     }
-}
 
-/// The number in a set of the tap `id` of casing number `casing`.
-fn place(shape: &ScanShape, casing: usize, id: &TapId) -> Result<usize> {
-    let offset = nearest(&shape.offsets_mm, id.offset_mm())?;
-    let velocity = nearest(&shape.velocities_m_per_s, id.velocity_m_per_s())?;
-    ensure!(id.repetition < shape.repetitions, "repetition {} of {}", id.repetition, shape.repetitions);
-    let mut place = casing * 2 + usize::from(id.shoulder == 2);
-    place = place * shape.offsets_mm.len() + offset;
-    place = place * shape.velocities_m_per_s.len() + velocity;
-    place = place * usize::from(shape.repetitions) + usize::from(id.repetition);
-    Ok(place * shape.location_count as usize + id.location as usize)
+    /// The number of the casing of `id`.
+    fn casing(&self, id: &TapId) -> Result<usize> {
+        self.tyres.iter().position(|tyre| tyre.serial == id.tyre.as_str()).context("a tap of another casing")
+    }
+
+    /// The number of the tap `id`.
+    fn place(&self, id: &TapId) -> Result<usize> {
+        let shape = &self.shape;
+        ensure!(id.repetition < shape.repetitions, "repetition {} of {}", id.repetition, shape.repetitions);
+        let mut place = self.casing(id)? * 2 + usize::from(id.shoulder == 2);
+        place = place * shape.offsets_mm.len() + nearest(&shape.offsets_mm, id.offset_mm())?;
+        place = place * shape.velocities_m_per_s.len() + nearest(&shape.velocities_m_per_s, id.velocity_m_per_s())?;
+        place = place * usize::from(shape.repetitions) + usize::from(id.repetition);
+        Ok(place * shape.location_count as usize + id.location as usize)
+    }
 }
 
 fn nearest(values: &[f64], value: Option<f64>) -> Result<usize> {
