@@ -32,8 +32,6 @@ pub(crate) enum Mark {
     Dots(Vec<Point>, RGBColor, f64),
     /// Circles around dots.
     Rings(Vec<Point>, RGBColor, f64),
-    /// From the one to the other end.
-    Bar(Point, Point, RGBColor),
     /// A rectangle between two corners.
     Filled([Point; 2], RGBAColor),
     /// Rectangles that touch each other.
@@ -208,9 +206,6 @@ impl Mark {
             Self::Rings(points, color, radius) => {
                 let ring = |&p: &Point| Circle::new(p, units(*radius), line(*color, 2.0));
                 chart.draw_series(points.iter().filter(|p| is_number(p)).map(ring))?;
-            }
-            Self::Bar(from, to, color) => {
-                chart.draw_series([PathElement::new(vec![*from, *to], line(*color, 2.0))])?;
             }
             Self::Filled(corners, color) => {
                 chart.draw_series([Rectangle::new(*corners, color.filled())])?;

@@ -7,7 +7,7 @@
 //!   every a90, and do not use a curve below f.
 //! - [`mean_interval`]: the interval of a mean of few values.
 //! - [`crossed`] and [`one_way()`]: gauge repeatability and reproducibility by analysis of variance.
-//! - [`nor_rmse`] and [`within_over_healthy`]: repeatability of two turns around a ring.
+//! - [`nor_rmse`] and [`within_over_all`]: repeatability of two turns around a ring.
 //!
 //! Where the data give no answer, a [`Refusal`] names the reason in place of a number.
 
@@ -33,4 +33,4 @@ pub use mean::mean_interval;
 pub use one_way::{OneWay, one_way};
 pub use rate::{Rate, clopper_pearson};
 pub use refusal::Refusal;
-pub use repeat::{nor_rmse, within_over_healthy};
+pub use repeat::{nor_rmse, within_over_all};

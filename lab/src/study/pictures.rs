@@ -82,7 +82,7 @@ fn indices(candidates: &[Candidate], alone: &[SingleDiscriminator], sets: &[&'st
         let mut mark = |areas: &Areas, y: f64, color: RGBColor| {
             let (Some(auc), Some((low, high))) = (areas.auc(), areas.by_tyres(seed)) else { return };
             least = if low < least { low } else { least };
-            marks.push(Mark::Bar((low, y), (high, y), color));
+            marks.push(Mark::Line(vec![(low, y), (high, y)], color, 2.0));
             marks.push(Mark::Dots(vec![(auc, y)], color, 3.5));
         };
         for index in IndexKind::ALL {

@@ -11,7 +11,7 @@ use crate::evaluation::{HALF_BOX, keys};
 use crate::experiment::SEVEN;
 use crate::experiment::dataset::{Experiment, Tap};
 use crate::experiment::tyres::SEVERE_FROM_M_PER_N;
-use crate::statistics::{nor_rmse, within_over_healthy};
+use crate::statistics::{nor_rmse, within_over_all};
 
 /// A row of a table of boxes.
 fn row(which: Discriminator, group: &str, stats: &BoxStats) -> Vec<String> {
@@ -135,8 +135,7 @@ pub(in crate::experiment) fn repeats(turns: &[Vec<&Tap>; 2], which: Discriminato
     let is_sound = |pair: &(&&Tap, &&Tap)| !pair.0.is_cracked();
     let (a, b): (Vec<&Tap>, Vec<&Tap>) = first.iter().zip(second).filter(is_sound).map(|(a, b)| (*a, *b)).unzip();
     let values = |turn: &[&Tap]| -> Vec<Option<f64>> { turn.iter().map(|tap| tap.value(which)).collect() };
-    let within = within_over_healthy(&values(&a), &values(&b), &vec![true; a.len()]);
-    (nor_rmse(&values(first), &values(second)), within)
+    (nor_rmse(&values(first), &values(second)), within_over_all(&values(&a), &values(&b)))
 }
 
 /// Fig. 69: the seven discriminators over cracks and beside them.
