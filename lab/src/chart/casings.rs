@@ -1,7 +1,5 @@
 //! The simulated casings that several panels judge: both simulators, smooth and rough populations, sound ones and cracked ones.
 
-use std::ops::Range;
-
 use anyhow::{Context as _, Result};
 use rayon::prelude::*;
 use tapline_plate::ScanShape;
@@ -12,7 +10,7 @@ use super::Bench;
 use super::point::{Error, Failure, LEVEL, exceeds};
 use super::size::Size;
 use crate::evaluation::Areas;
-use crate::simulated::{Judged, Judging, ScanTaps, Scene, Set, Simulator, Tyre, judge, simulated};
+use crate::simulated::{Judged, Judging, Scene, Set, Simulator, Tyre, judge, simulated};
 use crate::statistics::clopper_pearson;
 
 /// Offsets of the full plan, from the belt edge.
@@ -100,27 +98,13 @@ pub(crate) fn inspect(groups: &[Group], simulator: Simulator, configure: &Config
         let judging = configure(group)?;
         let mut inspected = Inspected { seed: group.seed, sound: Vec::new(), cracked: Vec::new() };
         for (scene, set) in &group.judged {
-            let judged = judge(&judging, set, all_of(set), *scene)?;
+            let judged = judge(&judging, set, 0..set.tyres.len(), *scene)?;
             if scene.is_sound() { &mut inspected.sound } else { &mut inspected.cracked }.extend(judged);
         }
         Ok(inspected)
     };
     let of_simulator: Vec<&Group> = groups.iter().filter(|group| group.simulator == simulator).collect();
     of_simulator.into_par_iter().map(of_group).collect()
-}
-
-fn all_of(set: &Set) -> Range<usize> {
-    0..set.tyres.len()
-}
-
-/// Which taps a reference has, and from how many casings.
-pub(crate) fn reference_of(
-    group: &Group,
-    config: &tapline_fuse::FuseConfig,
-    casings: usize,
-    taps: &ScanTaps,
-) -> Result<std::sync::Arc<tapline_fuse::ReferenceSet>> {
-    crate::simulated::reference(config, &group.reference, casings, taps)
 }
 
 /// The rate, in per cent, at which `is_it` holds for shoulders that `of` selects: over all, with an exact interval, and by seed.

@@ -22,8 +22,8 @@ pub(super) struct Tap {
     pub(super) found: Discriminators,
     /// Peak of the sound, not one of the seven.
     pub(super) peak_v: f64,
-    /// Its power density in steps of frequency, if asked for.
-    density_v2_per_hz: Option<Vec<f64>>,
+    /// Its power density in steps of frequency; none where it was not asked for.
+    pub(super) density_v2_per_hz: Vec<f64>,
     /// Of the planted crack: 0 to 3.
     pub(super) severity: u8,
     pub(super) angle_deg: f64,
@@ -32,11 +32,6 @@ pub(super) struct Tap {
 impl Tap {
     pub(super) fn value(&self, which: Discriminator) -> Option<f64> {
         self.found.values.get(which)
-    }
-
-    /// Its power density in V^2/Hz, in steps of frequency; none where it was not asked for.
-    pub(super) fn density_v2_per_hz(&self) -> &[f64] {
-        self.density_v2_per_hz.as_deref().unwrap_or_default()
     }
 
     pub(super) fn is_cracked(&self) -> bool {
@@ -72,12 +67,11 @@ impl Dataset {
     fn scan(scan: &ScanConfig, has_spectrum: impl Fn(&TapId) -> bool + Sync) -> Result<Self> {
         let simulation = SimulationConfig { sample_count: SAMPLES, ..SimulationConfig::default() };
         let severity = Severity::new(scan)?;
-        let look = |header: &TapHeader, samples: Samples<'_>| -> Result<(f64, Option<Vec<f64>>)> {
+        let look = |header: &TapHeader, samples: Samples<'_>| -> Result<(f64, Vec<f64>)> {
             let sound_v = channel(header, samples, Channel::Sound).context("a simulated record has no sound")?;
             let peak_v = peak_v(&sound_v);
             let spectrum = || steps(&mut RealFftPlanner::new(), sound_v, header.sample_rate_hz);
-            let density = has_spectrum(&header.id).then(spectrum).transpose()?;
-            Ok((peak_v, density))
+            Ok((peak_v, if has_spectrum(&header.id) { spectrum()? } else { Vec::new() }))
         };
         let read = |extractor: &mut ProcessExtractor, header: &TapHeader, samples: Samples<'_>| {
             let found = extractor.extract(header, samples);

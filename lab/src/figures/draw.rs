@@ -11,6 +11,7 @@ use super::labels::{printed, spread};
 use tapline_draw::axes::{self, Chart, Frame, axes};
 use tapline_draw::canvas::{self, Area, BLUE, INK, ORANGE, PALE_INK, Point, VERMILLION, at, line, units, write};
 use tapline_draw::palette::GREEN;
+use tapline_draw::stats::extent;
 
 const SIZE: (u32, u32) = (760, 440);
 /// Where the axes begin and end.
@@ -169,9 +170,7 @@ fn described(axis: &Axis) -> String {
 }
 
 fn range(figure: &Figure, value: impl Fn(&super::curves::Point) -> f64) -> Point {
-    let mut values: Vec<f64> = figure.curves.iter().flat_map(|c| c.points.iter().map(&value)).collect();
-    values.sort_by(f64::total_cmp);
-    (values.first().copied().unwrap_or(0.0), values.last().copied().unwrap_or(1.0))
+    extent(figure.curves.iter().flat_map(|c| c.points.iter().map(&value))).unwrap_or((0.0, 1.0))
 }
 
 /// Draws `curve`, paler where h/l is outside the domain of a rung that should be better.

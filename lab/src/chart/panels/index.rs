@@ -1,7 +1,5 @@
 //! Index and ring rules: processor time of a casing against loss of detection.
 
-use std::ops::Range;
-
 use anyhow::{Context as _, Result};
 use rayon::prelude::*;
 use tapline_fuse::{FuseConfig, Fusion, IndexKind, Reference};
@@ -9,14 +7,14 @@ use tapline_wire::{Discriminator, Discriminators, Plan, Verdict};
 
 use super::Entry;
 use crate::chart::Bench;
-use crate::chart::casings::{Group, Inspected, OFFSETS_MM, VELOCITY_M_PER_S, inspect, loss, reference_of};
+use crate::chart::casings::{Group, Inspected, OFFSETS_MM, VELOCITY_M_PER_S, inspect, loss};
 use crate::chart::cost::{Workload, by_turns};
 use crate::chart::front::Tolerance;
 use crate::chart::panel::{Facet, Panel, Quantity};
 use crate::chart::point::{Cost, Error, Failure, LEVEL, Point, exceeds};
 use crate::chart::size::Size;
 use crate::evaluation::{Areas, FALSE_ALARMS, FoundAt};
-use crate::simulated::{Judged, Judging, ScanTaps, Scene, Simulator, Times, judge};
+use crate::simulated::{Judged, Judging, ScanTaps, Scene, Simulator, Times, judge, reference};
 use crate::statistics::clopper_pearson;
 
 pub(super) const ENTRY: Entry =
@@ -80,7 +78,7 @@ impl Rule {
 
     fn judging(self, size: &Size, group: &Group) -> Result<Judging> {
         let (config, taps) = (self.config(), self.taps());
-        let reference = reference_of(group, &config, size.casings.reference, &taps)?;
+        let reference = reference(&config, &group.reference, size.casings.reference, &taps, None)?;
         Ok(Judging { config, reference: Some(reference), taps, times: Times::default() })
     }
 }
@@ -130,8 +128,7 @@ fn costs(bench: &Bench, groups: &[Group], rules: &[Rule]) -> Result<Vec<Cost>> {
     let mut prepared: Vec<(Fusion, Plan, Vec<Discriminators>)> = Vec::new();
     for &rule in rules {
         let judging = rule.judging(&bench.size, group)?;
-        let casing: Range<usize> = 0..1;
-        let (plan, records) = set.part(casing, &judging.taps, *scene)?;
+        let (plan, records) = set.part(0..1, &judging.taps, *scene)?;
         let reference = judging.reference.context("rules need a reference")?;
         prepared.push((Fusion::with_reference(&judging.config, &plan, reference)?, plan, records));
     }
@@ -249,14 +246,14 @@ fn failures(size: &Size, seed: u64, groups: &[Group], simulator: Simulator, rule
 /// usual and a twentieth of it.
 fn lost_to_outliers(size: &Size, group: &Group, rule: Rule, clean: &Judging) -> Result<f64> {
     let which = if let Rule::Alone(which) = rule { which } else { Discriminator::A1 };
-    let (first, second) = (group.reference.first_tap_of(&clean.taps)?, group.reference.first_tap_of(&clean.taps)? + 1);
+    let first = group.reference.first_tap_of(&clean.taps)?;
     let spoiled = group.reference.changed(|tap, of, value| match tap {
         _ if of != which => value,
         tap if tap == first => 20.0 * value,
-        tap if tap == second => value / 20.0,
+        tap if tap == first + 1 => value / 20.0,
         _ => value,
     });
-    let reference = crate::simulated::reference(&clean.config, &spoiled, size.casings.reference, &clean.taps)?;
+    let reference = reference(&clean.config, &spoiled, size.casings.reference, &clean.taps)?;
     let spoiled = Judging { reference: Some(reference), ..clean.clone() };
     let area = |judging: &Judging| -> Result<f64> {
         let mut inspected = Inspected { seed: group.seed, sound: Vec::new(), cracked: Vec::new() };

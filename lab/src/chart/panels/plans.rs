@@ -10,14 +10,14 @@ use super::Entry;
 use crate::chart::Bench;
 use crate::chart::casings::{
     Group, Inspected, OFFSETS_MM, VELOCITIES_M_PER_S, VELOCITY_M_PER_S, called_percent, false_call_failure, inspect,
-    missed_percent, rate_percent, reference_of,
+    missed_percent, rate_percent,
 };
 use crate::chart::front::Tolerance;
 use crate::chart::panel::{Facet, Guide, Panel, Quantity};
 use crate::chart::point::{Cost, Point};
 use crate::chart::size::Size;
 use crate::evaluation::{Cell, Table, cell, ends};
-use crate::simulated::{Judging, ScanTaps, Simulator, Times};
+use crate::simulated::{Judging, ScanTaps, Simulator, Times, reference};
 
 pub(super) const ENTRY: Entry =
     Entry { name: "plans", expected_s: |size| if size.is_full { 150.0 } else { 8.0 }, uses_casings: true, measure };
@@ -200,7 +200,7 @@ fn notes(bench: &Bench) -> Vec<String> {
 
 fn judging(size: &Size, group: &Group, plan: &Tried) -> Result<Judging> {
     let config = FuseConfig { index: plan.index, ..FuseConfig::default() };
-    let reference = reference_of(group, &config, size.casings.reference, &plan.taps)?;
+    let reference = reference(&config, &group.reference, size.casings.reference, &plan.taps, None)?;
     let config = FuseConfig { reference: Some(tapline_fuse::Reference::Own), ..config };
     Ok(Judging { config, reference: Some(reference), taps: plan.taps.clone(), times: Times::default() })
 }

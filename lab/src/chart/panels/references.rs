@@ -7,12 +7,11 @@ use super::Entry;
 use crate::chart::Bench;
 use crate::chart::casings::{
     Group, Inspected, OFFSETS_MM, VELOCITY_M_PER_S, called_percent, false_call_failure, inspect, missed_percent,
-    reference_of,
 };
 use crate::chart::front::Tolerance;
 use crate::chart::panel::{Facet, Panel, Quantity};
 use crate::chart::point::{Cost, Error, Point};
-use crate::simulated::{Judging, ScanTaps, Simulator, Times};
+use crate::simulated::{Judging, ScanTaps, Simulator, Times, reference};
 
 pub(super) const ENTRY: Entry =
     Entry { name: "references", expected_s: |size| if size.is_full { 50.0 } else { 3.0 }, uses_casings: true, measure };
@@ -60,7 +59,7 @@ fn measure(bench: &Bench) -> Result<Panel> {
 
 fn judging(group: &Group, casings: Option<usize>, taps: &ScanTaps) -> Result<Judging> {
     let config = FuseConfig::by(Reference::Own);
-    let reference = casings.map(|casings| reference_of(group, &config, casings, taps)).transpose()?;
+    let reference = casings.map(|casings| reference(&config, &group.reference, casings, taps, None)).transpose()?;
     Ok(Judging { config, reference, taps: taps.clone(), times: Times::default() })
 }
 

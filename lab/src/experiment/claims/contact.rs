@@ -69,7 +69,7 @@ pub(super) fn claims(experiment: &Experiment) -> Result<Vec<Claim>> {
 /// Mean power density of `tap` between two frequencies.
 pub(super) fn power_from(tap: &Tap, low_hz: f64, high_hz: f64) -> Option<f64> {
     let frequency_hz = |step: usize| BAND_HZ.0 + (step as f64 + 0.5) * STEP_HZ;
-    let steps = tap.density_v2_per_hz().iter().enumerate();
+    let steps = tap.density_v2_per_hz.iter().enumerate();
     let within =
         steps.filter(|(step, _)| (low_hz..high_hz).contains(&frequency_hz(*step))).map(|(_, &density)| density);
     mean(&within.collect::<Vec<_>>())

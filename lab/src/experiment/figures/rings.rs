@@ -174,7 +174,7 @@ pub(super) fn b_scan(experiment: &Experiment) -> Figure {
         let [turn, _] = experiment.repetitions(shoulder);
         let mut columns = Vec::new();
         for tap in &turn {
-            let densities = tap.density_v2_per_hz();
+            let densities = &tap.density_v2_per_hz;
             for (step, density) in densities.iter().enumerate() {
                 let middle_hz = BAND_HZ.0 + (step as f64 + 0.5) * STEP_HZ;
                 let place = [shoulder.to_string(), tap.found.id.location.to_string(), cell(middle_hz)];

@@ -100,7 +100,7 @@ impl Way {
 }
 
 /// The largest relative error of `found`; infinite where a number is missing.
-fn error(found: [f64; 4], truth: [f64; 4]) -> f64 {
+fn error<const N: usize>(found: [f64; N], truth: [f64; N]) -> f64 {
     let each = found.iter().zip(truth).map(|(x, truth)| (x / truth - 1.0).abs());
     each.map(|error| if error.is_nan() { f64::INFINITY } else { error }).max_by(f64::total_cmp).unwrap_or(f64::NAN)
 }
@@ -252,9 +252,7 @@ fn histories(bench: &Bench) -> Result<Facet> {
             for (rule, errors) in RULES.into_iter().zip(&mut errors) {
                 let step_s = rule.history(scene, &rigid, &mut force_n);
                 let peak = force_n.iter().copied().max_by(f64::total_cmp).unwrap_or(f64::NAN);
-                let found = [peak, impulse(&force_n, step_s)];
-                let worst = found.iter().zip(truth).map(|(x, truth)| (x / truth - 1.0).abs()).max_by(f64::total_cmp);
-                errors.push(worst.unwrap_or(f64::NAN));
+                errors.push(error([peak, impulse(&force_n, step_s)], truth));
             }
         }
         for (errors, by_seed) in errors.iter().zip(&mut by_seed) {
