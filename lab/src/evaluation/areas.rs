@@ -44,13 +44,11 @@ pub(crate) struct FoundAt {
 
 impl Areas {
     /// Of the damage indices of `judged`.
-    pub(crate) fn new(judged: &[ShoulderResult]) -> Self {
-        let of = |j: &ShoulderResult| {
-            let tyre = j.tyre.clone();
-            let places = j.index.clone().into_iter().zip(j.is_cracked.clone());
-            places.map(move |(score, is_cracked)| (tyre.clone(), score, is_cracked))
-        };
-        Self::of(judged.iter().flat_map(of))
+    pub(crate) fn new<'a>(judged: impl IntoIterator<Item = &'a ShoulderResult>) -> Self {
+        Self::of(judged.into_iter().flat_map(|j| {
+            let places = j.index.iter().zip(&j.is_cracked);
+            places.map(move |(&score, &is_cracked)| (j.tyre.clone(), score, is_cracked))
+        }))
     }
 
     /// Of things, each with its tyre, its score, and whether it is cracked.

@@ -33,10 +33,6 @@ pub(super) fn rocs(inspected: &[InspectedShoulder], seed: u64) -> [Roc; 2] {
         (result.tyre.clone(), result.strongest_arc, !shoulder.is_sound())
     });
     let results = || inspected.iter().map(|shoulder| &shoulder.scan.result);
-    let locations = results().flat_map(|result| {
-        let places = result.index.iter().zip(&result.is_cracked);
-        places.map(|(&index, &is_cracked)| (result.tyre.clone(), index, is_cracked))
-    });
     let pooled = different(results()).map_or_else(String::new, |(low, high)| {
         format!("limits lie between {} and {}: scores of different references are pooled", cell(low), cell(high))
     });
@@ -44,7 +40,7 @@ pub(super) fn rocs(inspected: &[InspectedShoulder], seed: u64) -> [Roc; 2] {
     let blind = if blind > 0 { format!("{blind} locations without an index are left out") } else { String::new() };
     [
         Roc::new("shoulders by strongest arc", Areas::of(shoulders), seed, vec![pooled.clone()]),
-        Roc::new("locations by damage index", Areas::of(locations), seed, vec![pooled, blind]),
+        Roc::new("locations by damage index", Areas::new(results()), seed, vec![pooled, blind]),
     ]
 }
 
