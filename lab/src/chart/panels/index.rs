@@ -78,7 +78,7 @@ impl Rule {
 
     fn judging(self, size: &Size, group: &Group) -> Result<Judging> {
         let (config, taps) = (self.config(), self.taps());
-        let reference = reference(&config, &group.reference, size.casings.reference, &taps, None)?;
+        let reference = reference(&config, &group.reference, size.casings.reference, &taps)?;
         Ok(Judging { config, reference: Some(reference), taps, times: Times::default() })
     }
 }

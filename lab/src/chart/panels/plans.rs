@@ -200,7 +200,7 @@ fn notes(bench: &Bench) -> Vec<String> {
 
 fn judging(size: &Size, group: &Group, plan: &Tried) -> Result<Judging> {
     let config = FuseConfig { index: plan.index, ..FuseConfig::default() };
-    let reference = reference(&config, &group.reference, size.casings.reference, &plan.taps, None)?;
+    let reference = reference(&config, &group.reference, size.casings.reference, &plan.taps)?;
     let config = FuseConfig { reference: Some(tapline_fuse::Reference::Own), ..config };
     Ok(Judging { config, reference: Some(reference), taps: plan.taps.clone(), times: Times::default() })
 }

@@ -59,7 +59,7 @@ fn measure(bench: &Bench) -> Result<Panel> {
 
 fn judging(group: &Group, casings: Option<usize>, taps: &ScanTaps) -> Result<Judging> {
     let config = FuseConfig::by(Reference::Own);
-    let reference = casings.map(|casings| reference(&config, &group.reference, casings, taps, None)).transpose()?;
+    let reference = casings.map(|casings| reference(&config, &group.reference, casings, taps)).transpose()?;
     Ok(Judging { config, reference, taps: taps.clone(), times: Times::default() })
 }
 
