@@ -10,8 +10,8 @@ pub(super) struct OffsetScale {
     place_variance: f64,
     /// Variance of one tap.
     tap_variance: f64,
-    /// Taps of a place: the harmonic mean.
-    usual_count: f64,
+    /// Most taps of a place.
+    count_max: f64,
 }
 
 impl OffsetScale {
@@ -29,16 +29,17 @@ impl OffsetScale {
         let of_taps = tap_variance * inverse;
         let (place_variance, tap_variance) =
             if of_taps < sd * sd { (sd * sd - of_taps, tap_variance) } else { (0.0, sd * sd / inverse) };
-        (sd > 1e-9).then_some(Self { mean, place_variance, tap_variance, usual_count: 1.0 / inverse })
+        let count_max = f64::from(places.iter().map(|place| place.1).max()?);
+        (sd > 1e-9).then_some(Self { mean, place_variance, tap_variance, count_max })
     }
 
     /// How far a `mean` of `count` taps stands out; NaN of none.
     ///
-    /// Fewer taps than usual scatter more. More of them, as after a second reading, scatter less, but count as if they did not: sound
-    /// places differ from their neighbours, and on a finer scale what stays with them would look like damage.
+    /// The mean of fewer taps than the reference has scatters more. That of more, as after a second reading, scatters less, but counts as
+    /// if it did not: sound places differ from their neighbours, and on a finer scale what stays with them would look like damage.
     pub(super) fn score(self, mean: f64, count: u32) -> f64 {
         let count = f64::from(count);
-        let taps = if count < self.usual_count { count } else { self.usual_count };
+        let taps = if count < self.count_max { count } else { self.count_max };
         match taps > 0.0 {
             true => (mean - self.mean) / (self.place_variance + self.tap_variance / taps).sqrt(),
             false => f64::NAN,
