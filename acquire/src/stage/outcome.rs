@@ -22,12 +22,8 @@ pub enum RunError {
 pub struct Outcome {
     /// Its stations.
     pub stations: Vec<u16>,
-    /// Casings whose scans ended.
-    pub casing_count: u64,
     /// Taps sent, including repeats.
     pub sent_count: u64,
-    /// Taps refused.
-    pub refused_count: u64,
     /// Taps sent again because they were lost after they had been sent.
     pub resent_count: u64,
     /// Taps struck again because their record was unusable.

@@ -92,7 +92,7 @@ impl<'a> Outlet<'a> {
 
     /// Sends the refusal of the tap in plan row `row`.
     pub(crate) fn refuse_row(
-        &mut self,
+        &self,
         casing: u64,
         source: &dyn Source,
         row: u32,
@@ -107,7 +107,7 @@ impl<'a> Outlet<'a> {
         self.refuse(refusal, header)
     }
 
-    fn refuse(&mut self, refusal: &Refusal, header: TapHeader) -> Result<(), LineError> {
+    fn refuse(&self, refusal: &Refusal, header: TapHeader) -> Result<(), LineError> {
         let text = refusal.to_string();
         let text = cut(&text, REASON_BYTES_MAX);
         let mut loan: Loan<'_, '_, TapTopic> = self.taps.loan(cache_lines_for(text.len()))?;
@@ -116,9 +116,7 @@ impl<'a> Outlet<'a> {
             to.text_bytes = u32::try_from(text.len()).unwrap_or(0);
             bytes_of_mut(buffer)[..text.len()].copy_from_slice(text.as_bytes());
         });
-        loan.send(RecordKind::Refusal)?;
-        self.outcome.refused_count += 1;
-        Ok(())
+        loan.send(RecordKind::Refusal)
     }
 
     /// Sends a mark of the casing numbered `casing` after its taps.

@@ -22,7 +22,6 @@ impl StageLoop<'_> {
             if self.open[index].is_dirty {
                 self.retry_until_recovered(index, Writer::flush)?;
                 self.open[index].flushed();
-                self.outcome.flush_count += 1;
             }
         }
         self.unflushed_taps = 0;
@@ -72,9 +71,7 @@ impl StageLoop<'_> {
             }
             self.retry_until_recovered(index, Writer::settle)?;
             let casing = self.open.swap_remove(index);
-            let counts = casing.writer.counts();
-            self.outcome.again_count += counts.already_there;
-            self.outcome.conflict_count += counts.conflicts;
+            self.outcome.conflict_count += casing.writer.counts().conflicts;
             self.closer.close(casing);
         }
         while let Some(closed) = self.closer.take_closed() {

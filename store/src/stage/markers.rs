@@ -133,7 +133,6 @@ impl StageLoop<'_> {
     pub(super) fn note_closed(&mut self, mut closed: Closed) {
         let station = u16::try_from(closed.header.station).unwrap_or(u16::MAX);
         closed.acquire = self.line.limits().acquire_of(station);
-        self.outcome.closed_count += 1;
         self.notices.closed(closed);
     }
 }

@@ -185,9 +185,7 @@ impl<'a> StageLoop<'a> {
     fn close(mut self) -> Result<Outcome, RunError> {
         self.outcome.lost_count = self.lost_count();
         for casing in std::mem::take(&mut self.open) {
-            let counts = casing.writer.counts();
-            self.outcome.again_count += counts.already_there;
-            self.outcome.conflict_count += counts.conflicts;
+            self.outcome.conflict_count += casing.writer.counts().conflicts;
             outage::settle_at_end(casing.writer)?;
         }
         for closed in self.closer.finish() {

@@ -34,20 +34,10 @@ pub enum RunError {
 /// What `store` did.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
-    /// Files that were closed.
-    pub closed_count: u64,
-    /// Records that came again and were archived already.
-    pub again_count: u64,
     /// Records that contradict what is archived; the first is kept.
     pub conflict_count: u64,
-    /// Records of casings that are not open.
-    pub stray_count: u64,
     /// Records that were lost on their way to this stage.
     pub lost_count: u64,
-    /// Bytes of samples written.
-    pub sample_bytes: u64,
-    /// Number of flushes.
-    pub flush_count: u64,
 }
 
 /// The error of a stage that cannot write a file: of the file system, if that has failed.

@@ -84,10 +84,8 @@ impl StageLoop<'_> {
         Ok(())
     }
 
-    pub(super) fn index_of(&mut self, number: u64) -> Option<usize> {
-        let index = self.open.iter().position(|casing| casing.number == number);
-        self.outcome.stray_count += u64::from(index.is_none());
-        index
+    pub(super) fn index_of(&self, number: u64) -> Option<usize> {
+        self.open.iter().position(|casing| casing.number == number)
     }
 
     /// Puts taps, or one record of another kind.
@@ -144,7 +142,6 @@ impl StageLoop<'_> {
             };
             self.note(index, outcome, "a tap", header.plan_index);
             self.unflushed_taps += 1;
-            self.outcome.sample_bytes += header.payload_bytes() as u64;
         }
         Ok(())
     }
