@@ -15,16 +15,13 @@ pub(crate) enum Next {
 }
 
 /// When the next tap of a station is due.
-pub(crate) struct Pace<'a> {
-    period: Option<Duration>,
-    next_due: &'a mut Instant,
+#[derive(Debug)]
+pub(crate) struct Pace {
+    pub period: Option<Duration>,
+    pub next_due: Instant,
 }
 
-impl<'a> Pace<'a> {
-    pub(crate) fn new(period: Option<Duration>, next_due: &'a mut Instant) -> Self {
-        Self { period, next_due }
-    }
-
+impl Pace {
     /// Time until the next tap is due; `None` if it is.
     pub(crate) fn time_left(&self) -> Option<Duration> {
         self.period?;
@@ -36,6 +33,6 @@ impl<'a> Pace<'a> {
     pub(crate) fn taken(&mut self) {
         let Some(period) = self.period else { return };
         let now = Instant::now();
-        *self.next_due = if *self.next_due + period > now { *self.next_due } else { now } + period;
+        self.next_due = if self.next_due + period > now { self.next_due } else { now } + period;
     }
 }

@@ -30,8 +30,7 @@ pub(crate) struct Station {
     left_over: Vec<(u64, String)>,
     /// Since when there are some while the source has no casing.
     left_over_since: Option<Instant>,
-    period: Option<Duration>,
-    next_due: Instant,
+    pace: Pace,
     /// Alarms not yet sent to the supervisor.
     alarms: VecDeque<(RecordKind, String)>,
     /// Whether the source is not ready.
@@ -56,7 +55,6 @@ enum Work {
 impl Station {
     pub(crate) fn new(arrivals: Box<dyn Arrivals>, period: Option<Duration>) -> Self {
         let (closing, left_over) = (Vec::new(), Vec::new());
-        let next_due = Instant::now();
         Self {
             arrivals,
             work: Work::Idle,
@@ -64,8 +62,7 @@ impl Station {
             left_over,
             left_over_since: None,
             alarms: VecDeque::new(),
-            period,
-            next_due,
+            pace: Pace { period, next_due: Instant::now() },
             is_source_awaited: false,
             reported: None,
         }
@@ -233,15 +230,11 @@ impl Station {
                     Next::Within(LOOK_AGAIN)
                 }
             },
-            Work::Tapping(tapping) => {
-                let mut pace = Pace::new(self.period, &mut self.next_due);
-                tapping.step(outlet, &mut pace, look_every, &mut self.is_source_awaited)?
-            }
+            Work::Tapping(tapping) => tapping.step(outlet, &mut self.pace, look_every, &mut self.is_source_awaited)?,
         };
         if let Work::Tapping(tapping) = &self.work
             && tapping.is_ended()
         {
-            outlet.outcome.casing_count += 1;
             let closing = (tapping.number, tapping.casing.name.clone());
             self.closing.push(closing);
             self.work = Work::Idle;

@@ -115,7 +115,7 @@ impl Tapping {
     pub(crate) fn step(
         &mut self,
         outlet: &mut Outlet<'_>,
-        pace: &mut Pace<'_>,
+        pace: &mut Pace,
         look_every: Duration,
         is_source_awaited: &mut bool,
     ) -> Result<Next, LineError> {
