@@ -31,16 +31,15 @@ use tapline_store::{Places, Unreported};
 
 use crate::cli::built_without;
 use crate::config::LineConfig;
-use crate::shown::status::{ReceiverStatus, StationStatus};
-use crate::shown::verdict::CasingVerdict;
+use crate::shown::status::ReceiverStatus;
 use crate::wires::now::Now;
 use crate::wires::on_verdict::VerdictCommand;
 use crate::wires::outbox::{Outbox, Receiver};
 
 /// All receivers of verdicts. When dropped, first reports waiting verdicts, for a while; the rest after the next start.
 pub(crate) struct Wires {
-    outbox: Arc<Outbox>,
-    now: Arc<Now>,
+    pub outbox: Arc<Outbox>,
+    pub now: Arc<Now>,
     // Only held: both end when they are dropped.
     _command: Option<VerdictCommand>,
     #[cfg(feature = "plant")]
@@ -79,11 +78,6 @@ impl Wires {
         Ok((started, said))
     }
 
-    /// Takes up the casing `number`, whose file has its name now. `None` if its verdict was reported before.
-    pub(crate) fn take_up(&self, number: u64) -> Result<Option<Unreported>> {
-        self.outbox.take_up(number)
-    }
-
     /// The oldest verdict that an earlier line has not printed.
     pub(crate) fn next_unprinted(&self) -> Option<Unreported> {
         self.outbox.next(Receiver::Print, None)
@@ -94,46 +88,11 @@ impl Wires {
         self.outbox.acknowledge(Receiver::Print, number);
     }
 
-    /// The alarms since this was last called.
-    pub(crate) fn take_alarms(&self) -> Vec<String> {
-        self.outbox.take_alarms()
-    }
-
     /// Ends all of them, after reporting the last verdicts, for a while; returns the state of each.
     pub(crate) fn close(self) -> Vec<ReceiverStatus> {
         let outbox = Arc::clone(&self.outbox);
         drop(self);
         outbox.statuses()
-    }
-
-    /// The state of each receiver.
-    pub(crate) fn statuses(&self) -> Vec<ReceiverStatus> {
-        self.outbox.statuses()
-    }
-
-    /// What cannot be reported to any receiver.
-    pub(crate) fn trouble(&self) -> Option<String> {
-        self.outbox.trouble()
-    }
-
-    /// A casing has come to `station`.
-    pub(crate) fn opened(&self, station: u16) {
-        self.now.opened(station);
-    }
-
-    /// A casing is judged; `is_busy` says whether its station has another one already.
-    pub(crate) fn judged(&self, verdict: &CasingVerdict, is_busy: bool) {
-        self.now.judged(&Arc::new(verdict.clone()), is_busy);
-    }
-
-    /// The line sends its status.
-    pub(crate) fn show(&self, stations: &[StationStatus]) {
-        self.now.show(stations);
-    }
-
-    /// The line ends.
-    pub(crate) fn end(&self) {
-        self.now.end();
     }
 }
 

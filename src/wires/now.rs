@@ -80,13 +80,14 @@ impl Now {
     }
 
     /// The casing at a station is judged; `is_busy` says whether another one is under way there.
-    pub(crate) fn judged(&self, verdict: &Arc<CasingVerdict>, is_busy: bool) {
+    pub(crate) fn judged(&self, verdict: &CasingVerdict, is_busy: bool) {
+        let verdict = Arc::new(verdict.clone());
         let mut state = self.state();
-        state.latest = Some(Arc::clone(verdict));
+        state.latest = Some(Arc::clone(&verdict));
         if let Some(station) = state.stations.get_mut(&verdict.station) {
             station.judged_count += 1;
             station.is_busy = is_busy;
-            station.verdict = (!is_busy).then(|| (Instant::now(), Arc::clone(verdict)));
+            station.verdict = (!is_busy).then(|| (Instant::now(), verdict));
         }
     }
 

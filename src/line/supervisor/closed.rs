@@ -72,7 +72,7 @@ impl Supervisor<'_> {
 
     /// The note of a casing that is closed; `None` if its verdict was reported before.
     fn take_up(&mut self, unreported: Unreported) -> Option<Unreported> {
-        match self.audience.wires.as_ref()?.take_up(unreported.number) {
+        match self.audience.wires.as_ref()?.outbox.take_up(unreported.number) {
             Ok(note) => note,
             Err(error) => {
                 tracing::error!(casing = unreported.name, "its verdict is only printed: {error:#}");
@@ -137,7 +137,7 @@ impl Supervisor<'_> {
                 if was_open {
                     let of = |casing: &super::Open| casing.header.station == u32::from(verdict.station);
                     let is_busy = self.open.iter().any(of);
-                    self.audience.wires.iter().for_each(|wires| wires.judged(&verdict, is_busy));
+                    self.audience.wires.iter().for_each(|wires| wires.now.judged(&verdict, is_busy));
                 }
                 let is_printed = self.print(&verdict);
                 self.note_judged(&verdict, &reader);

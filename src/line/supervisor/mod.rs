@@ -203,7 +203,7 @@ impl<'a> Supervisor<'a> {
             self.audience.progress.print("stopping: waiting for what is under way to be archived");
         }
         self.shown.is_ending = true;
-        self.audience.wires.iter().for_each(Wires::end);
+        self.audience.wires.iter().for_each(|wires| wires.now.end());
         self.show()?;
         // While sources wait for what they sent, downstream stages that die are still replaced.
         for which in self.stages.ending_order() {
@@ -240,7 +240,7 @@ impl<'a> Supervisor<'a> {
                         None => {
                             self.audience.progress.more(again as u64);
                             let station = u16::try_from(header.station).unwrap_or(u16::MAX);
-                            self.audience.wires.iter().for_each(|wires| wires.opened(station));
+                            self.audience.wires.iter().for_each(|wires| wires.now.opened(station));
                             self.settled_before += header.settled_before_count as usize;
                             if header.settled_before_count > 0 {
                                 let there = format!("{} of {}", header.settled_before_count, header.tap_count);
@@ -294,7 +294,7 @@ impl<'a> Supervisor<'a> {
             }
             self.is_news = true;
         }
-        let of_wires = self.audience.wires.as_ref().map(Wires::take_alarms).unwrap_or_default();
+        let of_wires = self.audience.wires.as_ref().map(|wires| wires.outbox.take_alarms()).unwrap_or_default();
         for alarm in self.stages.take_alarms().into_iter().chain(of_wires) {
             self.alarm(alarm);
         }
@@ -388,8 +388,8 @@ impl<'a> Supervisor<'a> {
         self.shown.settled_count = self.settled() as u64;
         self.shown.taps_per_s = self.rate.taps_per_s();
         if let Some(wires) = &self.audience.wires {
-            wires.show(&self.shown.stations);
-            self.shown.receivers = wires.statuses();
+            wires.now.show(&self.shown.stations);
+            self.shown.receivers = wires.outbox.statuses();
         }
         self.shown.troubles = self.troubles();
         self.shown.at_ns = now_ns();
@@ -406,7 +406,7 @@ impl<'a> Supervisor<'a> {
     fn troubles(&self) -> Vec<String> {
         let is_ending = self.shown.is_ending.then(|| "the line is ending".to_owned());
         let of_line = self.shown.held_by.clone().into_iter().chain(is_ending);
-        let of_wires = self.audience.wires.as_ref().and_then(Wires::trouble);
+        let of_wires = self.audience.wires.as_ref().and_then(|wires| wires.outbox.trouble());
         let of_receivers = self.shown.receivers.iter().filter_map(|receiver| receiver.trouble.clone());
         of_line.chain(self.stages.troubles()).chain(of_wires).chain(of_receivers).collect()
     }
