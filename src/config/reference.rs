@@ -40,12 +40,16 @@ pub(crate) struct KeptReferences {
 impl KeptReferences {
     /// The reference of the archive behind `reader`; `None` if it keeps none.
     pub(crate) fn of(&mut self, reader: &Reader) -> Result<Option<Arc<ReferenceSet>>> {
-        let Some(text) = reader.reference() else { return Ok(None) };
+        reader.reference().map(|text| self.of_text(text)).transpose()
+    }
+
+    /// The reference whose text is `text`.
+    pub(crate) fn of_text(&mut self, text: &str) -> Result<Arc<ReferenceSet>> {
         let last = match self.last.take().filter(|last| last.text == text) {
             Some(last) => last,
-            None => ReferenceFile::of(text.to_owned())?,
+            None => ReferenceFile::of(text.to_owned()).context("cannot use the reference")?,
         };
-        Ok(Some(Arc::clone(&self.last.insert(last).set)))
+        Ok(Arc::clone(&self.last.insert(last).set))
     }
 }
 

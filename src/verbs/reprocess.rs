@@ -8,7 +8,6 @@ use std::fs::File;
 use std::io::Write as _;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread::{Builder, available_parallelism, scope};
 use std::time::{Duration, Instant, SystemTime};
@@ -16,7 +15,7 @@ use std::time::{Duration, Instant, SystemTime};
 use anyhow::{Context as _, Result, bail, ensure};
 use crossbeam::channel::{Sender, bounded};
 use serde_json::json;
-use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
+use tapline_fuse::{FuseConfig, Fusion, Reference};
 use tapline_host::messages::counted;
 use tapline_host::progress::{Progress, Unit};
 use tapline_host::signals::note_folder;
@@ -28,7 +27,7 @@ use crate::archives::{Archives, Outcome, Which};
 use crate::cli::archives::ReprocessArgs;
 use crate::config::Config;
 use crate::config::lineage::{made_by, of_discriminators};
-use crate::config::reference::{Fusions, ReferenceFile};
+use crate::config::reference::{Fusions, KeptReferences, ReferenceFile};
 use tapline_host::stdout::Stdout;
 
 /// Most threads that may be asked for.
@@ -69,8 +68,8 @@ struct Asked {
     reference: Option<Reference>,
     /// The text of `reference`, if that is a file.
     text: Option<String>,
-    /// The reference that was last read, by its text: most archives have the same, and fitting one takes longer than judging a casing.
-    last: RefCell<Option<(String, Arc<ReferenceSet>)>>,
+    /// Fitting a reference takes longer than judging a casing.
+    kept: RefCell<KeptReferences>,
 }
 
 impl Asked {
@@ -87,18 +86,7 @@ impl Asked {
             Some(Reference::File(path)) => Some(ReferenceFile::read(path)?.text),
             _ => None,
         };
-        Ok(Self { config, reference, text, last: RefCell::default() })
-    }
-
-    /// The reference whose text is `text`.
-    fn set(&self, text: &str) -> Result<Arc<ReferenceSet>> {
-        let mut last = self.last.borrow_mut();
-        if let Some((_, set)) = last.as_ref().filter(|(of, _)| of == text) {
-            return Ok(Arc::clone(set));
-        }
-        let set = Arc::new(ReferenceSet::parse(text).context("cannot use the reference")?);
-        *last = Some((text.to_owned(), Arc::clone(&set)));
-        Ok(set)
+        Ok(Self { config, reference, text, kept: RefCell::default() })
     }
 }
 
@@ -145,7 +133,7 @@ impl Task {
 
     /// The fusion of this archive's taps.
     fn fusion(&self, asked: &Asked) -> Result<Fusion> {
-        let set = self.reference.as_deref().map(|text| asked.set(text)).transpose()?;
+        let set = self.reference.as_deref().map(|text| asked.kept.borrow_mut().of_text(text)).transpose()?;
         let Config { fuse, process, .. } = &self.config;
         Fusions::new(fuse.clone(), *process, set).check(self.reader.plan())
     }
