@@ -4,9 +4,10 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use serde_json::json;
+use serde_json::{Value, json};
 use tapline_host::colour::Colour;
 use tapline_host::messages::counted;
+use tapline_store::{Error, Report};
 use tapline_wire::TapState;
 
 use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
@@ -58,30 +59,6 @@ fn sum_up(archives: &Archives, hurt: usize, as_json: bool) -> Result<()> {
     Ok(())
 }
 
-/// Reports an archive that is too damaged to be checked row by row.
-fn report_unreadable(archive: &Path, why: &str, as_json: bool) -> Result<bool> {
-    let mut out = Stdout;
-    match as_json {
-        true => {
-            let text = json!({
-                "archive": archive.display().to_string(),
-                "plan_digest": null,
-                "archived": null,
-                "refused": null,
-                "missing": null,
-                "scans": null,
-                "is_judged": null,
-                "problems": [why],
-                "is_finished": null,
-                "is_complete": false,
-            });
-            writeln!(out, "{text}")?;
-        }
-        false => writeln!(out, "{why}\n{}: UNREADABLE", archive.display())?,
-    }
-    Ok(false)
-}
-
 /// Checks an archive, and prints the report.
 fn check(archive: &Path, as_json: bool, progress: &mut ArchiveProgress) -> Result<bool> {
     let checked = tapline_store::verify_with(archive, |part| progress.note_part(part));
@@ -89,9 +66,10 @@ fn check(archive: &Path, as_json: bool, progress: &mut ArchiveProgress) -> Resul
 }
 
 /// Prints what was found in an archive; whether it is complete.
-fn print(archive: &Path, checked: tapline_store::Result<tapline_store::Report>, as_json: bool) -> Result<bool> {
-    use tapline_store::Error;
+fn print(archive: &Path, checked: tapline_store::Result<Report>, as_json: bool) -> Result<bool> {
+    let mut out = Stdout;
     let report = match checked {
+        // Too damaged to be checked row by row.
         Err(
             error @ (Error::Damaged { .. }
             | Error::Hdf5 { .. }
@@ -99,34 +77,25 @@ fn print(archive: &Path, checked: tapline_store::Result<tapline_store::Report>, 
             | Error::NotAnArchive { .. }
             | Error::OtherUnits { .. }),
         ) => {
-            return report_unreadable(archive, &error.to_string(), as_json);
+            match as_json {
+                true => writeln!(out, "{}", json_of(archive, None, &[error.to_string()]))?,
+                false => writeln!(out, "{error}\n{}: UNREADABLE", archive.display())?,
+            }
+            return Ok(false);
         }
         report => report?,
     };
-    let count = |state| report.ledger.count(state);
-    let (archived, refused, missing) = (count(TapState::Archived), count(TapState::Refused), report.missing_count);
-    let is_complete = report.is_complete() && refused == 0;
+    let is_complete = is_complete(&report);
     let mut problems: Vec<String> = report.problems.iter().map(ToString::to_string).collect();
     if !report.is_finished {
         problems.push(Error::NotFinished { path: archive.to_owned() }.to_string());
     }
-    let mut out = Stdout;
     if as_json {
-        let text = json!({
-            "archive": archive.display().to_string(),
-            "plan_digest": format!("{:016x}", report.plan_digest),
-            "archived": archived,
-            "refused": refused,
-            "missing": missing,
-            "scans": report.ledger.scans().len(),
-            "is_judged": report.is_judged(),
-            "problems": problems,
-            "is_finished": report.is_finished,
-            "is_complete": is_complete,
-        });
-        writeln!(out, "{text}")?;
+        writeln!(out, "{}", json_of(archive, Some(&report), &problems))?;
         return Ok(is_complete);
     }
+    let count = |state| report.ledger.count(state);
+    let (archived, refused, missing) = (count(TapState::Archived), count(TapState::Refused), report.missing_count);
     let file = archive.display().to_string();
     for problem in &problems {
         let is_named = problem.contains(&file);
@@ -145,4 +114,25 @@ fn print(archive: &Path, checked: tapline_store::Result<tapline_store::Report>, 
         counted(problems.len(), "problem", "problems")
     )?;
     Ok(is_complete)
+}
+
+/// As JSON; without a report if the archive cannot be read.
+fn json_of(archive: &Path, report: Option<&Report>, problems: &[String]) -> Value {
+    let count = |state| report.map(|report| report.ledger.count(state));
+    json!({
+        "archive": archive.display().to_string(),
+        "plan_digest": report.map(|report| format!("{:016x}", report.plan_digest)),
+        "archived": count(TapState::Archived),
+        "refused": count(TapState::Refused),
+        "missing": report.map(|report| report.missing_count),
+        "scans": report.map(|report| report.ledger.scans().len()),
+        "is_judged": report.map(Report::is_judged),
+        "problems": problems,
+        "is_finished": report.map(|report| report.is_finished),
+        "is_complete": report.is_some_and(is_complete),
+    })
+}
+
+fn is_complete(report: &Report) -> bool {
+    report.is_complete() && report.ledger.count(TapState::Refused) == 0
 }
