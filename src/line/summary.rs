@@ -224,7 +224,7 @@ fn pace_line(pace: &Pace, taps: usize, used: &Used) -> PaceLine {
         taps,
         elapsed_s,
         taps_per_s: per_s(taps as f64),
-        restarts: pace.restarts.iter().map(|(_, count)| count).sum(),
+        restarts: pace.restarts,
         ..PaceLine::default()
     };
     for report in &pace.reports {

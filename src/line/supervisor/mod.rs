@@ -49,8 +49,8 @@ pub(crate) struct Pace {
     pub settled_before: Option<usize>,
     /// How long it took.
     pub elapsed_s: f64,
-    /// How often each stage was restarted.
-    pub restarts: Vec<(String, u32)>,
+    /// How often stages were restarted.
+    pub restarts: u32,
     /// What the stages reported when they ended.
     pub reports: Vec<StageReport>,
     /// Casings that were closed.
