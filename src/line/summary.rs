@@ -182,16 +182,13 @@ fn add(sum: &mut Sum, job: &Job, name: &str, reader: &Reader) -> Result<()> {
             *sum.flags.entry(name).or_default() += count;
         }
     }
-    let judgements = reader.judgements()?;
     let records: Vec<_> = found.into_iter().flatten().collect();
     if !reader.truth().is_empty() && sum.scored < SCORED_MAX {
         (sum.has_truth, sum.scored) = (true, sum.scored + 1);
         let set = sum.references.of(reader)?;
         sum.scores.add(Fusion::by(&job.config.fuse, reader.plan(), set)?, &records)?;
     }
-    let shoulders = reader.plan().scans().iter().zip(judgements);
-    let shoulders: Vec<ShoulderVerdict> =
-        shoulders.map(|(scan, judged)| ShoulderVerdict::new(reader, scan, judged)).collect::<Result<_>>()?;
+    let shoulders = ShoulderVerdict::all(reader)?;
     let station = shoulders.first().map_or(0, |shoulder| shoulder.station);
     let of_each = shoulders.iter().map(|shoulder| (Reasons::named(&shoulder.reasons), &shoulder.whole));
     sum.over.extend(sum.rigs.add(station, name, of_each).into_iter().filter(|sign| sign.is_over));
@@ -220,13 +217,8 @@ impl Auc {
 fn pace_line(pace: &Pace, taps: usize, used: &Used) -> PaceLine {
     let elapsed_s = pace.elapsed_s;
     let per_s = |count: f64| if elapsed_s > 0.0 { count / elapsed_s } else { 0.0 };
-    let mut line = PaceLine {
-        taps,
-        elapsed_s,
-        taps_per_s: per_s(taps as f64),
-        restarts: pace.restarts,
-        ..PaceLine::default()
-    };
+    let mut line =
+        PaceLine { taps, elapsed_s, taps_per_s: per_s(taps as f64), restarts: pace.restarts, ..PaceLine::default() };
     for report in &pace.reports {
         let name = match &report.work {
             Work::Acquire(work) => {

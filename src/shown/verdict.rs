@@ -100,10 +100,7 @@ impl CasingVerdict {
     /// The verdict in the file of the casing `name` with this `number`, which was finished at `at_ns`.
     pub(crate) fn read(name: &str, number: u64, at_ns: i64, reader: &Reader) -> Result<Self> {
         let (plan, ledger) = (reader.plan(), reader.ledger());
-        let judgements = reader.judgements()?;
-        let shoulders = plan.scans().iter().zip(judgements);
-        let shoulders = shoulders.map(|(scan, judged)| ShoulderVerdict::new(reader, scan, judged));
-        let shoulders: Vec<ShoulderVerdict> = shoulders.collect::<Result<_>>()?;
+        let shoulders = ShoulderVerdict::all(reader)?;
         let worst = shoulders.iter().map(|s| s.verdict).max().unwrap_or(Verdict::ReInspect);
         Ok(Self {
             kind: "verdict".to_owned(),
@@ -159,6 +156,12 @@ impl CasingVerdict {
 }
 
 impl ShoulderVerdict {
+    /// The verdict on each shoulder of a casing.
+    pub(crate) fn all(reader: &Reader) -> Result<Vec<Self>> {
+        let scans = reader.plan().scans().iter().zip(reader.judgements()?);
+        scans.map(|(scan, judged)| Self::new(reader, scan, judged)).collect()
+    }
+
     pub(crate) fn new(reader: &Reader, scan: &Scan, judged: Option<(Judgement, Vec<DamageCell>)>) -> Result<Self> {
         let mut line = Self {
             tyre: scan.tyre.to_string(),
