@@ -1,5 +1,7 @@
 //! The services of a line in shared memory: one per topic.
 
+use std::fmt::Debug;
+
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as TopicService;
 
@@ -40,45 +42,18 @@ pub(crate) fn open<T: Topic>(line: &Line, receiver: Option<Role>) -> Result<Serv
 
 /// The error of a failed operation on `T`: [`LineError::Stopped`] if the process was asked to end, because a signal interrupts
 /// operations too.
-pub(crate) fn failed<T: Topic>(line: &Line, doing: &str, reason: impl std::fmt::Debug) -> LineError {
+pub(crate) fn failed<T: Topic>(line: &Line, doing: &str, reason: impl Debug) -> LineError {
     match line.is_stopped() {
         true => LineError::Stopped { topic: T::NAME },
         false => LineError::shared(format!("{doing} {}", T::NAME), reason),
     }
 }
 
-/// The services of all topics, held open.
-pub(crate) type AllTopics = (
-    Service<TapTopic>,
-    Service<DiscriminatorTopic>,
-    Service<ProposalTopic>,
-    Service<WaitTopic>,
-    Service<SettledTopic>,
-    Service<DamageTopic>,
-    Service<AskTopic>,
-    Service<StatusTopic>,
-    Vec<Service<CasingTopic>>,
-);
-
-pub(crate) fn open_all(line: &Line) -> Result<AllTopics, LineError> {
-    Ok((
-        open::<TapTopic>(line, None)?,
-        open::<DiscriminatorTopic>(line, None)?,
-        open::<ProposalTopic>(line, None)?,
-        open::<WaitTopic>(line, None)?,
-        open::<SettledTopic>(line, None)?,
-        open::<DamageTopic>(line, None)?,
-        open::<AskTopic>(line, None)?,
-        open::<StatusTopic>(line, None)?,
-        receivers(line.limits()).map(|role| open::<CasingTopic>(line, Some(role))).collect::<Result<_, _>>()?,
-    ))
-}
-
 /// Holds every service of a line open, so that no stage ever creates one: a stage that is killed while it creates a service
 /// leaves an incomplete one that nobody can open.
 #[derive(Debug)]
 pub struct Services {
-    _topics: AllTopics,
+    _topics: Vec<Box<dyn Debug>>,
 }
 
 impl Services {
@@ -87,6 +62,24 @@ impl Services {
     /// # Errors
     /// [`LineError::Shared`] when the shared-memory layer refuses.
     pub fn open(line: &Line) -> Result<Self, LineError> {
-        Ok(Self { _topics: open_all(line)? })
+        let mut topics = vec![
+            held::<TapTopic>(line, None)?,
+            held::<DiscriminatorTopic>(line, None)?,
+            held::<ProposalTopic>(line, None)?,
+            held::<WaitTopic>(line, None)?,
+            held::<SettledTopic>(line, None)?,
+            held::<DamageTopic>(line, None)?,
+            held::<AskTopic>(line, None)?,
+            held::<StatusTopic>(line, None)?,
+        ];
+        for role in receivers(line.limits()) {
+            topics.push(held::<CasingTopic>(line, Some(role))?);
+        }
+        Ok(Self { _topics: topics })
     }
+}
+
+/// As [`open`], only to be held.
+fn held<T: Topic + 'static>(line: &Line, receiver: Option<Role>) -> Result<Box<dyn Debug>, LineError> {
+    Ok(Box::new(open::<T>(line, receiver)?))
 }
