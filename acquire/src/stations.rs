@@ -11,7 +11,7 @@ use tapline_wire::Channel;
 use crate::capture::DeviceName;
 use crate::capture::by_hand::ByHand;
 use crate::config::calibration::CalibrationFile;
-use crate::config::refuse;
+use crate::config::{refuse, within};
 use crate::rig::stream::fault_of;
 use crate::simulated::listed::SimulatedTyres;
 use crate::{
@@ -38,18 +38,14 @@ pub enum StationSource {
     Simulated,
 }
 
-impl StationSource {
-    /// Name in a configuration.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Folder => "folder",
-            Self::Rig => "rig",
-            Self::Alsa => "alsa",
-            Self::Uldaq => "uldaq",
-            Self::Simulated => "simulated",
-        }
-    }
-}
+tapline_wire::named!(
+    StationSource,
+    Folder = "folder",
+    Rig = "rig",
+    Alsa = "alsa",
+    Uldaq = "uldaq",
+    Simulated = "simulated"
+);
 
 /// One station of a line.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -137,9 +133,7 @@ impl StationConfig {
     fn check(&self, table: &str) -> Result<(), Error> {
         let refuse =
             |key: &str, value: String, bound: String| Err(Error::setting(format!("{table}.{key}"), value, bound));
-        if self.number == 0 {
-            return refuse("number", "0".to_owned(), "from 1 to 65535".to_owned());
-        }
+        within(&format!("{table}.number"), self.number, 1..=u16::MAX)?;
         let is = |source: StationSource| self.source == source;
         let folder = self.folder.as_ref().map(|folder| folder.display().to_string());
         let serial_file = self.serial_file.as_ref().map(|file| file.display().to_string());

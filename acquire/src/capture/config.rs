@@ -7,7 +7,7 @@ use tapline_wire::{Channel, Recording, SampleFormat};
 
 use crate::capture::{DeviceName, TriggerConfig};
 use crate::config::calibration::CalibrationFile;
-use crate::config::refuse;
+use crate::config::{refuse, within};
 use crate::{Error, ScanConfig};
 
 /// What a data acquisition module is told, besides.
@@ -83,30 +83,22 @@ impl CaptureConfig {
     /// # Errors
     /// [`Error::Setting`] for the first value out of bounds.
     pub fn validate(&self) -> Result<(), Error> {
-        let within = |key: &str, value: u32, low: u32, high: u32| {
-            if (low..=high).contains(&value) {
-                return Ok(());
-            }
-            refuse(&format!("capture.{key}"), value, &format!("from {low} to {high}"))
-        };
-        within("sample_rate_hz", self.sample_rate_hz, 4000, 1_000_000)?;
+        within("capture.sample_rate_hz", self.sample_rate_hz, 4000..=1_000_000)?;
         if ![16, 24, 32].contains(&self.bits) {
             return refuse("capture.bits", self.bits, "16, 24 or 32");
         }
-        within("channels", self.channels.into(), 2, 64)?;
-        within("force_channel", self.force_channel.into(), 1, self.channels.into())?;
-        within("sound_channel", self.sound_channel.into(), 1, self.channels.into())?;
+        within("capture.channels", self.channels, 2..=64)?;
+        within("capture.force_channel", self.force_channel, 1..=self.channels)?;
+        within("capture.sound_channel", self.sound_channel, 1..=self.channels)?;
         if self.force_channel == self.sound_channel {
             return refuse("capture.sound_channel", self.sound_channel, "different from capture.force_channel");
         }
-        within("sample_count", self.sample_count, 64, 4_000_000)?;
-        within("pre_trigger_samples", self.pre_trigger_samples, 16, self.sample_count - 16)?;
+        within("capture.sample_count", self.sample_count, 64..=4_000_000)?;
+        within("capture.pre_trigger_samples", self.pre_trigger_samples, 16..=self.sample_count - 16)?;
         if let Some(distance_m) = self.microphone_distance_m.filter(|m| !(*m > 0.0 && *m <= 1e3)) {
             return refuse("capture.microphone_distance_m", distance_m, "above 0 and at most 1000, or left out");
         }
-        if !(0.1..=600.0).contains(&self.buffer_s) {
-            return refuse("capture.buffer_s", self.buffer_s, "from 0.1 to 600");
-        }
+        within("capture.buffer_s", self.buffer_s, 0.1..=600.0)?;
         if ![1.0, 10.0].contains(&self.uldaq.range_v) {
             return refuse("capture.uldaq.range_v", self.uldaq.range_v, "1 or 10");
         }

@@ -4,6 +4,9 @@ pub(crate) mod calibration;
 pub(crate) mod scan_taps;
 pub(crate) mod text;
 
+use std::fmt::Display;
+use std::ops::RangeInclusive;
+
 use serde::{Deserialize, Serialize};
 use tapline_model::{Crack, SimulationConfig};
 use tapline_wire::{CasingLimits, RETAKES_MAX, Serial};
@@ -129,29 +132,19 @@ impl ScanConfig {
     /// # Errors
     /// [`Error::Setting`] for the first value out of bounds.
     pub fn validate(&self) -> Result<(), Error> {
-        if self.stations == 0 {
-            return refuse("scan.stations", 0, "from 1 to 65535");
-        }
-        all_distinct("scan.offsets_mm", &self.offsets_mm, 1e3, (-OFFSET_MAX_MM, OFFSET_MAX_MM))?;
-        all_distinct("scan.velocities_m_per_s", &self.velocities_m_per_s, 1e6, (0.01, VELOCITY_MAX_M_PER_S))?;
-        if self.repetitions == 0 {
-            return refuse("scan.repetitions", 0, "from 1 to 65535");
-        }
-        if !(1..1_000_000).contains(&self.locations) {
-            return refuse("scan.locations", self.locations, "from 1 to 999999");
-        }
+        within("scan.stations", self.stations, 1..=u16::MAX)?;
+        all_distinct("scan.offsets_mm", &self.offsets_mm, 1e3, -OFFSET_MAX_MM..=OFFSET_MAX_MM)?;
+        all_distinct("scan.velocities_m_per_s", &self.velocities_m_per_s, 1e6, 0.01..=VELOCITY_MAX_M_PER_S)?;
+        within("scan.repetitions", self.repetitions, 1..=u16::MAX)?;
+        within("scan.locations", self.locations, 1..=999_999)?;
         if !(1..=2).contains(&self.shoulders) {
             return refuse("scan.shoulders", self.shoulders, "1 or 2");
         }
         if !(self.tap_period_s > 0.0 && self.tap_period_s <= 3600.0) {
             return refuse("scan.tap_period_s", self.tap_period_s, "above 0 and at most 3600");
         }
-        if !(0.0..=3600.0).contains(&self.offset_change_s) {
-            return refuse("scan.offset_change_s", self.offset_change_s, "from 0 to 3600");
-        }
-        if !(0..=i64::MAX / 2).contains(&self.start_ns) {
-            return refuse("scan.start_ns", self.start_ns, "from 0 to 4611686018427387903");
-        }
+        within("scan.offset_change_s", self.offset_change_s, 0.0..=3600.0)?;
+        within("scan.start_ns", self.start_ns, 0..=i64::MAX / 2)?;
         self.validate_tyres()?;
         match self.tap_count() {
             count if count > u128::from(TAPS_MAX) => {
@@ -267,19 +260,26 @@ impl ScanConfig {
 }
 
 /// Refuses an empty list, a value out of bounds, and two values that a tap's name cannot distinguish.
-fn all_distinct(key: &str, values: &[f64], scale: f64, (low, high): (f64, f64)) -> Result<(), Error> {
+fn all_distinct(key: &str, values: &[f64], scale: f64, bounds: RangeInclusive<f64>) -> Result<(), Error> {
     if values.is_empty() {
         return refuse(key, "[]", "at least one value");
     }
     for (number, &value) in values.iter().enumerate() {
-        if !(low..=high).contains(&value) {
-            return refuse(&format!("{key}[{number}]"), value, &format!("from {low} to {high}"));
-        }
+        let key = format!("{key}[{number}]");
+        within(&key, value, bounds.clone())?;
         if values[..number].iter().any(|other| ((value - other) * scale).abs() < 1.0) {
-            return refuse(&format!("{key}[{number}]"), value, "unique in the list");
+            return refuse(&key, value, "unique in the list");
         }
     }
     Ok(())
+}
+
+/// Refuses a value out of `bounds`.
+pub(crate) fn within<T: PartialOrd + Display>(key: &str, value: T, bounds: RangeInclusive<T>) -> Result<(), Error> {
+    match bounds.contains(&value) {
+        true => Ok(()),
+        false => refuse(key, value, &format!("from {} to {}", bounds.start(), bounds.end())),
+    }
 }
 
 pub(crate) fn refuse(key: &str, value: impl ToString, bound: &str) -> Result<(), Error> {

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use tapline_model::SimulationConfig;
 use tapline_wire::Serial;
 
+use crate::config::within;
 use crate::{Error, ScanConfig};
 
 /// Longest time that a script may state, in s: a day.
@@ -123,9 +124,7 @@ impl RigScript {
             ("missed_hits", self.missed_hits),
             ("double_hits", self.double_hits),
         ] {
-            if !(0.0..=1.0).contains(&share) {
-                return refuse(key, share.to_string(), "from 0 to 1");
-            }
+            within(&format!("rig.{key}"), share, 0.0..=1.0)?;
         }
         for (key, from, to) in [
             ("gap_s", self.gap_s[0], self.gap_s[1]),

@@ -6,7 +6,7 @@ use std::path::Path;
 use tapline_wire::{Geometry, Serial, digest_of_parts};
 
 use crate::Error;
-use crate::config::refuse;
+use crate::config::within;
 use crate::tap_set::recordings::Recordings;
 
 /// A casing of a set, or a whole slab, with the taps of one plan.
@@ -22,7 +22,7 @@ pub(crate) struct SetCasing {
 /// The casings of `set` in order of first appearance, at the stations that the list names. Those without a station go
 /// to stations 1, 2, ... in turn.
 pub(crate) fn casings_of(set: &Recordings, station_count: u16) -> Result<Vec<SetCasing>, Error> {
-    check_station_count(station_count)?;
+    within("stations", station_count, 1..=u16::MAX)?;
     let is_slab = set.scan.geometry == Geometry::Line;
     let mut casings: Vec<SetCasing> = Vec::new();
     // For each casing, its station in the list, and the line that names it.
@@ -58,10 +58,6 @@ pub(crate) fn casings_of(set: &Recordings, station_count: u16) -> Result<Vec<Set
         );
     }
     Ok(casings)
-}
-
-pub(crate) fn check_station_count(station_count: u16) -> Result<(), Error> {
-    if station_count == 0 { refuse("stations", 0, "from 1 to 65535") } else { Ok(()) }
 }
 
 /// Longest name of a slab; it becomes part of file names.

@@ -23,7 +23,7 @@ use std::sync::Arc;
 use tapline_wire::{CacheLine, Plan, SampleFormat, SourceKind, TapHeader};
 
 use crate::source::channel_headers;
-use crate::tap_set::casings::{SetCasing, casings_of, check_station_count};
+use crate::tap_set::casings::{SetCasing, casings_of};
 use crate::tap_set::recordings::{Recordings, check_format, check_shape};
 use crate::tap_set::scan_toml::ScanToml;
 use crate::tap_set::taps_csv::TapRow;
@@ -56,7 +56,6 @@ impl TapSet {
     /// [`Error`] if a table is missing or wrong, if no recording can be used, if a casing is at two stations, or if
     /// there are no stations.
     pub fn open(dir: &Path, station_count: u16) -> Result<Self, Error> {
-        check_station_count(station_count)?;
         let set = Recordings::open(dir)?;
         let casings = casings_of(&set, station_count)?;
         let mut stations = vec![0; set.taps.len()];

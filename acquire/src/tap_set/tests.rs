@@ -239,7 +239,7 @@ fn faults_of_the_tables_name_their_file() {
     assert!(error_of(&dir).starts_with(&format!("{path}/taps.csv: cannot be read: ")));
     put("scan.toml", "geometri = \"ring\"");
     assert!(error_of(&dir).starts_with(&format!("{path}/scan.toml line 1: `geometri")));
-    let error = TapSet::open(dir.path(), 0).unwrap_err().to_string();
+    let error = TapSet::open(small_set().path(), 0).unwrap_err().to_string();
     assert_eq!(error, "stations is 0; it must be from 1 to 65535");
 }
 

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
-use crate::config::refuse;
+use crate::config::within;
 
 /// When a force pulse is a tap.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -33,17 +33,11 @@ impl TriggerConfig {
     /// # Errors
     /// [`Error::Setting`] for the first value out of bounds.
     pub fn validate(&self, table: &str) -> Result<(), Error> {
-        for (key, value, low, high) in [
-            ("level", self.level, 1e-4, 0.9),
-            ("release", self.release, 0.05, 0.95),
-            ("pulse_min_s", self.pulse_min_s, 0.0, 0.01),
-            ("pulse_max_s", self.pulse_max_s, 1e-3, 0.1),
-            ("hold_off_s", self.hold_off_s, 0.0, 10.0),
-        ] {
-            if !(low..=high).contains(&value) {
-                return refuse(&format!("{table}.{key}"), value, &format!("from {low} to {high}"));
-            }
-        }
-        Ok(())
+        let within = |key: &str, value: f64, bounds| within(&format!("{table}.{key}"), value, bounds);
+        within("level", self.level, 1e-4..=0.9)?;
+        within("release", self.release, 0.05..=0.95)?;
+        within("pulse_min_s", self.pulse_min_s, 0.0..=0.01)?;
+        within("pulse_max_s", self.pulse_max_s, 1e-3..=0.1)?;
+        within("hold_off_s", self.hold_off_s, 0.0..=10.0)
     }
 }
