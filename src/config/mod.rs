@@ -53,7 +53,6 @@ pub(crate) struct Config {
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct LineConfig {
     /// Command that is run, by the shell, at each verdict, which it gets as a line of JSON on its standard input.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub on_verdict: Option<String>,
     /// Most taps of a casing that comes as a tap set.
     pub taps_max: usize,
@@ -62,13 +61,10 @@ pub(crate) struct LineConfig {
     /// Most shoulders, or lines of a slab, that such a casing has.
     pub scans_max: usize,
     /// Verdicts to an MQTT broker.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub mqtt: Option<MqttConfig>,
     /// Verdicts to OPC UA clients.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub opcua: Option<OpcUaConfig>,
     /// Verdicts to controllers, over Modbus TCP.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub modbus: Option<ModbusConfig>,
 }
 

@@ -11,31 +11,22 @@ const TEXT_MAX: usize = 120;
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct ReportConfig {
     /// Name of the plant.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub plant: Option<String>,
     /// Name of the line.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub line: Option<String>,
     /// Who watched the line.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub operator: Option<String>,
     /// The procedure that was followed, as the plant calls it.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub procedure: Option<String>,
     /// What marks 0 degrees on a casing, such as its valve or serial number.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub start_mark: Option<String>,
     /// From which side angles run clockwise, such as that of the serial number.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub seen_from: Option<String>,
     /// Way round the tread, by which angles become millimetres.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub tread_circumference_mm: Option<f64>,
     /// Length of a crack from which on nine in ten are found, with 95 % confidence.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub a90_95_mm: Option<f64>,
     /// The study that says so.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub a90_95_source: Option<String>,
 }
 

@@ -23,10 +23,8 @@ pub(crate) struct MqttConfig {
     #[serde(default = "tapline")]
     pub client: String,
     /// Certificates (PEM) for checking the broker; with them the connection is encrypted.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ca_file: Option<PathBuf>,
     /// File with a user's name and password, a line each.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub credentials_file: Option<PathBuf>,
     /// Whether the connection may leave this machine without encryption.
     #[serde(default)]
@@ -43,10 +41,8 @@ pub(crate) struct OpcUaConfig {
     /// Address to listen at.
     pub listen: SocketAddr,
     /// Folder of certificates: the server's own, and those of clients that it trusts. With it connections are encrypted.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pki_folder: Option<PathBuf>,
     /// File with the name and password that clients must have, a line each.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub credentials_file: Option<PathBuf>,
     /// Whether other machines may connect without encryption, or without a password.
     #[serde(default)]

@@ -221,13 +221,11 @@ struct RunFile {
     /// How many casings.
     casings: usize,
     /// Folder of the recorded taps; absent for simulated ones.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     taps: Option<PathBuf>,
     /// Name and digest of the plan of each recorded casing.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     plans: Vec<String>,
     /// The reference file, by its digest.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     reference: Option<String>,
     /// What the results are made by: the program's sources, and every option that affects them.
     made_by: Vec<String>,

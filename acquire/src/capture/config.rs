@@ -45,7 +45,6 @@ pub struct CaptureConfig {
     /// Samples of a record, including those before the trigger.
     pub sample_count: u32,
     /// Distance from the impact to the microphone; unknown if left out.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub microphone_distance_m: Option<f64>,
     /// How long the latest samples are kept while the station is busy.
     pub buffer_s: f64,

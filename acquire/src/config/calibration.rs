@@ -23,10 +23,8 @@ pub(crate) const FULL_SCALE_MAX: f64 = 1e12;
 #[serde(deny_unknown_fields)]
 pub struct CalibrationFile {
     /// The force; unknown where left out.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub force: Option<ChannelScale>,
     /// The sound, likewise.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub sound: Option<ChannelScale>,
 }
 
@@ -39,7 +37,6 @@ pub struct ChannelScale {
     /// Value of a full-scale sample in that unit.
     pub full_scale: f64,
     /// Volts of a full-scale sample at the device, where they are known: the range of a module.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub full_scale_v: Option<f64>,
     /// Where it comes from.
     pub certificate: Certificate,
