@@ -1,7 +1,6 @@
 //! What an archive holds, shoulder by shoulder, in the form that the pages need.
 
 pub(super) mod condition;
-pub(super) mod offsets;
 pub(super) mod samples;
 pub(super) mod spectra;
 
@@ -139,8 +138,7 @@ impl Evidence {
             config.fuse.directions = set.directions;
         }
         // Without a readable configuration there is no fusion, and no map of an offset.
-        let fusion = fusion_of(reader, &config.fuse, reference.clone())?;
-        let per_offset = fusion.map_or_else(Vec::new, |mut fusion| offsets::maps(&mut fusion, plan.scans().len()));
+        let mut fusion = fusion_of(reader, &config.fuse, reference.clone())?;
         let tap = |row: u32, places: &Places| {
             let planned = &plan.taps()[row as usize];
             let place = if planned.is_closing() { places.end() } else { places.at(planned.id.location) };
@@ -167,7 +165,9 @@ impl Evidence {
             let taps = scan.taps.iter().map(|&row| tap(row, &places)).collect();
             let state = reader.ledger().scans()[number];
             let mut shoulder = shoulder(reader, scan, &places, judged, state, taps);
-            shoulder.offsets = per_offset.get(number).cloned().unwrap_or_default();
+            // The map of a single offset repeats the whole.
+            let maps = fusion.as_mut().and_then(|fusion| fusion.by_offset(number).ok());
+            shoulder.offsets = maps.filter(|maps| maps.len() > 1).unwrap_or_default();
             match tyres.iter_mut().find(|tyre| tyre.serial == scan.tyre) {
                 Some(tyre) => tyre.shoulders.push(shoulder),
                 None => tyres.push(Tyre { serial: scan.tyre, shoulders: vec![shoulder], condition: None }),

@@ -313,3 +313,26 @@ fn without_an_index_there_is_no_pass() {
         }
     }
 }
+
+#[test]
+fn each_offset_has_its_own_map() {
+    // Catches mixed-up offsets, rows of an offset mistaken for rows of the plan, and an index without a tap.
+    let casing = Casing { location_count: 60, offsets_mm: vec![10.0, 5.0, 0.0], shift: 8.0, ..Casing::default() };
+    let plan = casing.plan();
+    let cracked = records(&Casing { cracks: vec![(1, 20..26)], ..casing.clone() }, &plan, 3);
+    let mut all = records(&casing, &plan, 3);
+    for (record, of_crack) in all.iter_mut().zip(cracked) {
+        match record.id.offset_mm() {
+            Some(5.0) if record.id.location == 30 => record.values = Values::default(),
+            Some(5.0) => *record = of_crack,
+            _ => {}
+        }
+    }
+    let maps = whole(&FuseConfig::by(Reference::Own), &plan, &all).by_offset(0).unwrap();
+    assert_eq!(maps.iter().map(|map| map.offset_mm).collect::<Vec<_>>(), [0.0, 5.0, 10.0]);
+    for map in maps {
+        let is_cracked = map.offset_mm.to_bits() == 5.0_f64.to_bits();
+        assert_eq!((map.index[22].unwrap() > 3.0, map.index[30].is_none()), (is_cracked, is_cracked), "{map:?}");
+        assert_eq!(map.index.len(), 60);
+    }
+}
