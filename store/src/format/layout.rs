@@ -281,7 +281,7 @@ pub(crate) struct ScanRow {
 
 /// Damage at one location.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, H5Type)]
+#[derive(Debug, Clone, Copy, Default, H5Type)]
 pub(crate) struct CellRow {
     pub tyre: FixedUnicode<SERIAL_BYTES>,
     pub station: u16,

@@ -6,6 +6,31 @@ use crate::format::checksum::{ChecksummedRow as _, checksum};
 use crate::format::fields::fixed;
 use crate::format::layout::{CellRow, ScanRow, UNWRITTEN};
 
+/// Copies the fields that a row has in common with its record, either way; the record has those in parentheses besides.
+macro_rules! in_common {
+    ($row:ident, $record:ident($($own:ident: $type:ty),*), $($field:ident)+) => {
+        impl $row {
+            fn with(self, record: &$record) -> Self {
+                Self { $($field: record.$field,)+ ..self }
+            }
+
+            fn record(self, $($own: $type),*) -> $record {
+                $record { $($own,)* $($field: self.$field,)+ }
+            }
+        }
+    };
+}
+
+in_common!(ScanRow, Judgement(stamp: Stamp, reasons: Reasons),
+    verdict limit_re_inspect limit_reject strongest_arc first_strongest_arc re_inspect_rate reject_rate p_value
+    evidence scatter level drift planned_count received_count refused_count absent_count
+);
+
+in_common!(CellRow, DamageCell(),
+    location angle_deg damage_index first_index p_value region_index region_p_value
+    offset_best_mm offset_low_mm offset_high_mm region tap_count absent_count
+);
+
 impl ScanRow {
     /// The row of an open scan.
     pub(crate) fn open(scan: &Scan, first_cell: u32) -> Self {
@@ -30,51 +55,13 @@ impl ScanRow {
 
     /// The same row with `judgement`.
     pub(crate) fn judged(self, judgement: &Judgement) -> Self {
-        Self {
-            verdict: judgement.verdict,
-            reasons: judgement.reasons.bits(),
-            limit_re_inspect: judgement.limit_re_inspect,
-            limit_reject: judgement.limit_reject,
-            strongest_arc: judgement.strongest_arc,
-            first_strongest_arc: judgement.first_strongest_arc,
-            re_inspect_rate: judgement.re_inspect_rate,
-            reject_rate: judgement.reject_rate,
-            p_value: judgement.p_value,
-            evidence: judgement.evidence,
-            scatter: judgement.scatter,
-            level: judgement.level,
-            drift: judgement.drift,
-            planned_count: judgement.planned_count,
-            received_count: judgement.received_count,
-            refused_count: judgement.refused_count,
-            absent_count: judgement.absent_count,
-            state: ScanState::Judged.code().into(),
-            ..self
-        }
+        Self { reasons: judgement.reasons.bits(), state: ScanState::Judged.code().into(), ..self.with(judgement) }
     }
 
     /// The judgement of scan `number`. Its stamp has only what does not depend on how it was sent.
     pub(crate) fn to_judgement(self, number: u32) -> Judgement {
-        Judgement {
-            stamp: Stamp { kind: RecordKind::Data.code(), mark: number.into(), ..Stamp::default() },
-            verdict: self.verdict,
-            reasons: Reasons::from_bits_retain(self.reasons),
-            limit_re_inspect: self.limit_re_inspect,
-            limit_reject: self.limit_reject,
-            strongest_arc: self.strongest_arc,
-            first_strongest_arc: self.first_strongest_arc,
-            re_inspect_rate: self.re_inspect_rate,
-            reject_rate: self.reject_rate,
-            p_value: self.p_value,
-            evidence: self.evidence,
-            scatter: self.scatter,
-            level: self.level,
-            drift: self.drift,
-            planned_count: self.planned_count,
-            received_count: self.received_count,
-            refused_count: self.refused_count,
-            absent_count: self.absent_count,
-        }
+        let stamp = Stamp { kind: RecordKind::Data.code(), mark: number.into(), ..Stamp::default() };
+        self.record(stamp, Reasons::from_bits_retain(self.reasons))
     }
 }
 
@@ -88,45 +75,14 @@ impl CellRow {
 
     /// The row of `cell` in the damage map of scan `number`.
     pub(crate) fn new(number: u32, scan: &Scan, cell: &DamageCell) -> Self {
-        Self {
-            scan: number,
-            tyre: fixed(scan.tyre.as_str()),
-            station: scan.station,
-            shoulder: scan.shoulder,
-            location: cell.location,
-            angle_deg: cell.angle_deg,
-            damage_index: cell.damage_index,
-            first_index: cell.first_index,
-            p_value: cell.p_value,
-            region_index: cell.region_index,
-            region_p_value: cell.region_p_value,
-            offset_best_mm: cell.offset_best_mm,
-            offset_low_mm: cell.offset_low_mm,
-            offset_high_mm: cell.offset_high_mm,
-            region: cell.region,
-            tap_count: cell.tap_count,
-            absent_count: cell.absent_count,
-            checksum: 0,
-        }
+        let tyre = fixed(scan.tyre.as_str());
+        let row = Self { scan: number, tyre, station: scan.station, shoulder: scan.shoulder, ..Self::default() };
+        row.with(cell)
     }
 
     /// The cell of this row.
     pub(crate) fn to_cell(self) -> DamageCell {
-        DamageCell {
-            location: self.location,
-            region: self.region,
-            angle_deg: self.angle_deg,
-            damage_index: self.damage_index,
-            first_index: self.first_index,
-            p_value: self.p_value,
-            region_index: self.region_index,
-            region_p_value: self.region_p_value,
-            offset_best_mm: self.offset_best_mm,
-            offset_low_mm: self.offset_low_mm,
-            offset_high_mm: self.offset_high_mm,
-            tap_count: self.tap_count,
-            absent_count: self.absent_count,
-        }
+        self.record()
     }
 }
 
