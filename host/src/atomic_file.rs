@@ -24,33 +24,20 @@ pub enum Existing {
 
 /// Why a file was not written.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a variant says what its fields are")]
 pub enum WriteError {
     /// Something exists there already.
     #[error("{} exists already: give another name, or replace it with --force", path.display())]
-    Exists {
-        /// Where.
-        path: PathBuf,
-    },
+    Exists { path: PathBuf },
     /// A file is where a folder belongs.
     #[error("{} is a file; it must be a folder, or a new name", path.display())]
-    NoFolder {
-        /// Where.
-        path: PathBuf,
-    },
+    NoFolder { path: PathBuf },
     /// It is an HDF5 file.
     #[error("{} is an HDF5 file, as archives are; nothing takes its place", path.display())]
-    IsHdf5 {
-        /// Where.
-        path: PathBuf,
-    },
+    IsHdf5 { path: PathBuf },
     /// It cannot be written.
     #[error("cannot write {}", path.display())]
-    Failed {
-        /// Which.
-        path: PathBuf,
-        /// Why.
-        source: Box<dyn std::error::Error + Send + Sync>,
-    },
+    Failed { path: PathBuf, source: Box<dyn std::error::Error + Send + Sync> },
 }
 
 /// Lets `write` fill the file at `path`, and makes missing folders. A file at `path`, or where a link at `path`

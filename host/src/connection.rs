@@ -10,37 +10,20 @@ const CREDENTIALS_BYTES_MAX: u64 = 65_536;
 
 /// Why a file of credentials is not used.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a variant says what its fields are")]
 pub enum CredentialsError {
     /// It cannot be read.
     #[error("cannot read the credentials in {}", path.display())]
-    Unreadable {
-        /// Which.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
+    Unreadable { path: PathBuf, source: std::io::Error },
     /// Other users can read it.
     #[error("every user of this machine can read {path}: chmod 600 {path}", path = path.display())]
-    Shared {
-        /// Which.
-        path: PathBuf,
-    },
+    Shared { path: PathBuf },
     /// It is too long to be credentials.
     #[error("{} has {bytes} bytes: credentials have at most {CREDENTIALS_BYTES_MAX}", path.display())]
-    TooLong {
-        /// Which.
-        path: PathBuf,
-        /// Its length.
-        bytes: u64,
-    },
+    TooLong { path: PathBuf, bytes: u64 },
     /// It does not hold a name and a password.
     #[error("{} has {lines} lines; it must have two: user and password", path.display())]
-    NotTwoLines {
-        /// Which.
-        path: PathBuf,
-        /// How many it has.
-        lines: usize,
-    },
+    NotTwoLines { path: PathBuf, lines: usize },
 }
 
 /// A user's name and password.

@@ -7,6 +7,7 @@ use crate::error::Error;
 
 /// Why `store` cannot continue.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a variant says what its fields are")]
 #[non_exhaustive]
 pub enum RunError {
     /// The archive cannot be written.
@@ -17,18 +18,10 @@ pub enum RunError {
     Line(#[from] LineError),
     /// The file system of the archive has failed or is read-only: every file in it is closed, so that it can be repaired.
     #[error("{error}; the line waits and nothing is lost: {}", .error.remedy())]
-    FileSystem {
-        /// Its error.
-        error: Error,
-    },
+    FileSystem { error: Error },
     /// The thread that closes files cannot be started.
     #[error("cannot start the thread {name}")]
-    Thread {
-        /// Its name.
-        name: String,
-        /// The reason.
-        source: std::io::Error,
-    },
+    Thread { name: String, source: std::io::Error },
 }
 
 /// What `store` did.

@@ -47,6 +47,7 @@ impl PartialEq for Nominal {
 
 /// Why a list of taps is not a plan.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a variant says what its fields are")]
 #[non_exhaustive]
 pub enum PlanError {
     /// There are no taps.
@@ -55,7 +56,6 @@ pub enum PlanError {
     /// Two rows name the same tap.
     #[error("plan rows {first} and {second} both name {id}")]
     Duplicate {
-        /// The name.
         id: TapId,
         /// Row of the first, from 0.
         first: usize,
@@ -64,28 +64,13 @@ pub enum PlanError {
     },
     /// One shoulder is split over two stations.
     #[error("shoulder {shoulder} of tyre {tyre} is planned at station {first} and at station {second}")]
-    TwoStations {
-        /// Serial number.
-        tyre: Serial,
-        /// Side.
-        shoulder: u16,
-        /// One station.
-        first: u16,
-        /// The other.
-        second: u16,
-    },
+    TwoStations { tyre: Serial, shoulder: u16, first: u16, second: u16 },
     /// Bytes that are not a plan.
     #[error("these bytes are not a plan: {what}")]
-    Encoding {
-        /// What is wrong with them.
-        what: &'static str,
-    },
+    Encoding { what: &'static str },
     /// A tap added to an open casing is at another station, or belongs to a scan that the casing does not have.
     #[error("{id} cannot be added to the plan: the plan has no such scan")]
-    OtherScan {
-        /// The tap.
-        id: TapId,
-    },
+    OtherScan { id: TapId },
 }
 
 impl Plan {

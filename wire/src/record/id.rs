@@ -177,28 +177,15 @@ impl fmt::Debug for TapId {
 
 /// Why a [`TapId`] or a part of it cannot be formed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a variant says what its fields are")]
 #[non_exhaustive]
 pub enum IdError {
     /// The serial number does not fit.
     #[error("tyre serial {text:?} {fault}; it must be {}", self.bound())]
-    Serial {
-        /// What was given.
-        text: String,
-        /// What is wrong with it.
-        fault: String,
-    },
+    Serial { text: String, fault: String },
     /// A number lies outside its bounds.
     #[error("{name} is {value}; it must lie in {low} to {high}")]
-    OutOfRange {
-        /// Which number.
-        name: &'static str,
-        /// What was given.
-        value: f64,
-        /// Least value allowed.
-        low: f64,
-        /// Greatest value allowed.
-        high: f64,
-    },
+    OutOfRange { name: &'static str, value: f64, low: f64, high: f64 },
 }
 
 impl IdError {

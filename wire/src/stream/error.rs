@@ -2,6 +2,7 @@
 
 /// Why a line cannot be joined, or a record not sent or received.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a variant says what its fields are")]
 #[non_exhaustive]
 pub enum LineError {
     /// Too little shared memory is free.
@@ -10,60 +11,25 @@ pub enum LineError {
          (mount -o remount,size=..., or --shm-size for a container) or use fewer stations",
         *.need as f64 / 1e6, *.free as f64 / 1e6
     )]
-    NoRoom {
-        /// What needs it.
-        what: String,
-        /// Bytes needed at most.
-        need: u64,
-        /// Bytes free.
-        free: u64,
-    },
+    NoRoom { what: String, need: u64, free: u64 },
     /// A file or folder of the line is not private to its user.
     #[error("{} {why}: a line uses only private files that it made itself", path.display())]
-    NotOurs {
-        /// The file or folder.
-        path: std::path::PathBuf,
-        /// What is wrong with it.
-        why: String,
-    },
+    NotOurs { path: std::path::PathBuf, why: String },
     /// The line's folder cannot be made anywhere.
     #[error("no place for the line's working folder; set TMPDIR to a folder of yours with a short path ({why})")]
-    NoFolder {
-        /// Why the last place that was tried is unsuitable.
-        why: String,
-    },
+    NoFolder { why: String },
     /// A file of the line's own, or `/dev/shm`, cannot be used.
     #[error("cannot use {}", path.display())]
-    File {
-        /// The file or folder.
-        path: std::path::PathBuf,
-        /// The system's reason.
-        source: std::io::Error,
-    },
+    File { path: std::path::PathBuf, source: std::io::Error },
     /// An operation of the shared-memory layer failed.
     #[error("{operation}: {reason}")]
-    Shared {
-        /// What was tried.
-        operation: String,
-        /// What the layer says.
-        reason: String,
-    },
+    Shared { operation: String, reason: String },
     /// The process was asked to stop while it waited.
     #[error("stopped while waiting to send on {topic}")]
-    Stopped {
-        /// The topic.
-        topic: &'static str,
-    },
+    Stopped { topic: &'static str },
     /// A record is longer than the line allows.
     #[error("a record on {topic} has {got} elements; the line has room for {most}")]
-    TooLong {
-        /// The topic.
-        topic: &'static str,
-        /// Elements asked for.
-        got: usize,
-        /// Most elements a record can have.
-        most: usize,
-    },
+    TooLong { topic: &'static str, got: usize, most: usize },
 }
 
 impl LineError {
