@@ -276,6 +276,7 @@ pub fn open_station(
         (StationSource::Rig | StationSource::Alsa | StationSource::Uldaq, _, Some(address), _) => {
             let [patience, timeout, home_timeout] = station.rig_times("station")?;
             let rig = RigConfig {
+                station: number,
                 address: address.clone(),
                 patience,
                 timeout,
@@ -284,7 +285,7 @@ pub fn open_station(
                 retakes: acquire.retakes,
                 device: device.map(|device| (device, capture.clone())),
             };
-            Box::new(RigArrivals::open(&rig, number, scan, simulation, wake)?)
+            Box::new(RigArrivals::open(rig, scan, simulation, wake)?)
         }
         _ => Box::new(SimulatedTyres::unlisted(scan, simulation, number, (station.first_casing, station.casings))?),
     })

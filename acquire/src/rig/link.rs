@@ -6,7 +6,8 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-use super::dialogue::{Dialogue, LinkConfig};
+use super::RigConfig;
+use super::dialogue::Dialogue;
 use super::protocol::{LINE_BYTES_MAX, LineReader, ReadLine};
 use super::stream::Stream;
 use crate::Wake;
@@ -33,10 +34,10 @@ impl fmt::Debug for Link {
 
 impl Link {
     /// Starts the thread; it runs until [`Link::stop`]. `wake` is called when the dialogue has changed for the station.
-    pub(crate) fn start(config: LinkConfig, wake: Wake) -> std::io::Result<Arc<Self>> {
+    pub(crate) fn start(config: RigConfig, tap_count: u64, wake: Wake) -> std::io::Result<Arc<Self>> {
         let name = format!("rig {}", config.station);
         let link = Arc::new(Self {
-            dialogue: Mutex::new(Dialogue::new(config)),
+            dialogue: Mutex::new(Dialogue::new(config, tap_count)),
             is_stopped: AtomicBool::new(false),
             stopped: Condvar::new(),
             wake,
@@ -130,7 +131,7 @@ impl Link {
                 // A starting board sends arbitrary bytes; reopening its port might restart it.
                 ReadLine::NotText if dialogue.is_serial() => {
                     if !std::mem::replace(&mut has_noise, true) {
-                        let LinkConfig { station, address, .. } = dialogue.config();
+                        let RigConfig { station, address, .. } = dialogue.config();
                         tracing::warn!("station {station}: {address}: lines that are not UTF-8 text are ignored");
                     }
                     Ok(false)

@@ -21,7 +21,7 @@ use std::time::{Duration, Instant};
 use tapline_model::SimulationConfig;
 use tapline_wire::{CacheLine, Plan, TapHeader};
 
-use self::dialogue::{LinkConfig, Progress, Removal, Tap};
+use self::dialogue::{Progress, Removal, Tap};
 use self::link::Link;
 use self::protocol::one_line;
 pub use self::script::RigScript;
@@ -51,8 +51,10 @@ const UNHEARD_PAUSE: Duration = Duration::from_secs(5);
 const HEARD_WITHIN: Duration = Duration::from_millis(500);
 
 /// How a station deals with its rig.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct RigConfig {
+    /// The station, from 1.
+    pub station: u16,
     /// Host and port of the rig, or `serial:PATH`.
     pub address: String,
     /// How long a rig may be away during a casing before the casing is given up.
@@ -90,32 +92,18 @@ pub struct RigArrivals {
 }
 
 impl RigArrivals {
-    /// Connects to the rig of `station`, now and whenever the connection is lost; `wake` is called when it has answered.
+    /// Connects to `rig`, now and whenever the connection is lost; `wake` is called when it has answered.
     ///
     /// The plan of a casing is that of `scan`, which also lists the cracks of the tyres it names; others are sound.
     ///
     /// # Errors
     /// [`Error`] for a value out of its bounds, or if no thread can be started. A rig that is off is not an error.
-    pub fn open(
-        rig: &RigConfig,
-        station: u16,
-        scan: &ScanConfig,
-        simulation: &SimulationConfig,
-        wake: Wake,
-    ) -> Result<Self, Error> {
+    pub fn open(rig: RigConfig, scan: &ScanConfig, simulation: &SimulationConfig, wake: Wake) -> Result<Self, Error> {
         scan.validate()?;
         let tyres: Result<Vec<Tyre>, Error> =
             (0..scan.tyre.len()).map(|number| crate::simulated::tyre_of(scan, number)).collect();
         rig_of(scan, simulation, &tyres?)?;
-        let config = LinkConfig {
-            address: rig.address.clone(),
-            station,
-            tap_count: scan.taps_per_tyre(),
-            patience: rig.patience,
-            timeout: rig.timeout,
-            home_timeout: rig.home_timeout,
-            last_end: rig.last_end.clone(),
-        };
+        let station = rig.station;
         let no_thread = |what: &str, source| Error::Thread { what: format!("the {what} of station {station}"), source };
         let ear = match &rig.device {
             Some((device, config)) => {
@@ -123,12 +111,13 @@ impl RigArrivals {
             }
             None => None,
         };
-        let link = Link::start(config, wake).map_err(|source| no_thread("rig", source))?;
+        let retakes = rig.retakes;
+        let link = Link::start(rig, scan.taps_per_tyre(), wake).map_err(|source| no_thread("rig", source))?;
         Ok(Self {
             link,
             ear,
             station,
-            retakes: rig.retakes,
+            retakes,
             scan: Arc::new(scan.clone()),
             simulation: simulation.clone(),
             open: VecDeque::new(),

@@ -8,11 +8,11 @@ mod receive;
 mod station;
 
 use std::io::Write as _;
-use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use self::last_end::LastEnd;
+use crate::rig::RigConfig;
 use crate::rig::stream::Stream;
 
 /// A rig that has been silent for this long is pinged.
@@ -30,27 +30,12 @@ const UNANSWERED_MAX: u32 = 3;
 /// Most alarms that are kept for the station.
 const ALARMS_MAX: usize = 16;
 
-/// How a station is connected to its rig.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct LinkConfig {
-    pub address: String,
-    pub station: u16,
-    /// Taps per casing.
-    pub tap_count: u64,
-    /// How long a rig with a casing on it may be disconnected.
-    pub patience: Duration,
-    /// How long the rig may take to answer.
-    pub timeout: Duration,
-    /// The same where it has to find its home.
-    pub home_timeout: Duration,
-    /// The file that has the serial of the casing that an earlier line finished last.
-    pub last_end: Option<PathBuf>,
-}
-
 /// The state of the dialogue; it outlasts a connection.
 #[derive(Debug, Default)]
 pub(crate) struct Dialogue {
-    config: LinkConfig,
+    config: RigConfig,
+    /// Taps per casing.
+    tap_count: u64,
     /// The connection; it exists before the rig says hello.
     stream: Option<Stream>,
     /// Name of the rig, once it has said hello on this connection.
@@ -174,12 +159,12 @@ pub(crate) struct LoadedCasing {
 }
 
 impl Dialogue {
-    pub(super) fn new(config: LinkConfig) -> Self {
+    pub(super) fn new(config: RigConfig, tap_count: u64) -> Self {
         let last_end = LastEnd::read(config.last_end.as_deref());
-        Self { config, last_end, ..Self::default() }
+        Self { config, tap_count, last_end, ..Self::default() }
     }
 
-    pub(crate) fn config(&self) -> &LinkConfig {
+    pub(crate) fn config(&self) -> &RigConfig {
         &self.config
     }
 
@@ -263,7 +248,7 @@ impl Dialogue {
     /// Logs why there is no connection, once for each reason.
     pub(super) fn log_fault(&mut self, reason: &str) {
         if self.fault.as_deref() != Some(reason) {
-            let LinkConfig { station, address, .. } = &self.config;
+            let RigConfig { station, address, .. } = &self.config;
             tracing::warn!("station {station}: there is no connection to the rig at {address}: {reason}; trying again");
             self.fault = Some(reason.to_owned());
             // Without a casing a rig may be off. One that comes and goes is reported once until it has made a tap.

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use tapline_wire::{Serial, now_ns};
 
-use super::{Command, Current, Dialogue, Hit, LinkConfig, Step, Tap};
+use super::{Command, Current, Dialogue, Hit, RigConfig, Step, Tap};
 use crate::rig::protocol::{RigMessage, UNKNOWN, VERSION, one_line};
 
 /// Most unexpected lines within a second.
@@ -77,7 +77,7 @@ impl Dialogue {
                 Ok(true)
             }
             RigMessage::Stopped(why) => {
-                let LinkConfig { station, address, .. } = &self.config;
+                let RigConfig { station, address, .. } = &self.config;
                 tracing::warn!("station {station}: the rig at {address} is stopped: {why}");
                 self.alarm(format!("the rig is stopped: {why}"));
                 // The pending command was not done: it is sent again when the rig continues.
@@ -92,14 +92,14 @@ impl Dialogue {
                 Ok(true)
             }
             RigMessage::Running => {
-                let LinkConfig { station, address, .. } = &self.config;
+                let RigConfig { station, address, .. } = &self.config;
                 tracing::warn!("station {station}: the rig at {address} continues");
                 self.stopped = None;
                 Ok(true)
             }
             RigMessage::Pong => self.answered(Command::Ping, line).map(|_| true),
             RigMessage::Error(why) => {
-                let LinkConfig { station, address, .. } = &self.config;
+                let RigConfig { station, address, .. } = &self.config;
                 tracing::warn!("station {station}: the rig at {address} reports {why:?}");
                 if let Some(pending) = self.pending.take() {
                     self.unanswered.take_if(|(text, _)| *text == pending.text);
@@ -113,7 +113,7 @@ impl Dialogue {
     }
 
     fn receive_hello(&mut self, message: RigMessage, line: &str) -> Result<bool, String> {
-        let LinkConfig { station, address, .. } = &self.config;
+        let RigConfig { station, address, .. } = &self.config;
         match message {
             RigMessage::Hello { name, version: VERSION } => {
                 match &self.current {
@@ -147,7 +147,7 @@ impl Dialogue {
             self.remove_current("another casing was put on the rig before its last tap");
             return true;
         }
-        let scan = format!("scan {serial} {}", self.config.tap_count);
+        let scan = format!("scan {serial} {}", self.tap_count);
         if let Some(current) = self.current.as_mut().filter(|current| current.serial == serial && serial != UNKNOWN) {
             if self.away_since.take().is_none() {
                 self.send(&format!("error casing {serial} is on the rig already"));

@@ -62,8 +62,8 @@ fn a_casing_that_is_done_is_not_scanned_again() {
     let address = listener.local_addr().unwrap().to_string();
     let last = Some(last_end.clone());
     let config =
-        RigConfig { address, patience, timeout, home_timeout: timeout, last_end: last, retakes: 1, device: None };
-    let mut bench = Bench::of(&config);
+        RigConfig { address, patience, timeout, home_timeout: timeout, last_end: last, ..RigConfig::default() };
+    let mut bench = Bench::of(config.clone());
     let mut rig = ByHand::accept(&listener);
     rig.say("hello rig 1\ncasing T 1\n");
     assert_eq!(rig.hear(), "scan T 1 7");
@@ -80,7 +80,7 @@ fn a_casing_that_is_done_is_not_scanned_again() {
     drop((rig, bench));
     // As the line writes it.
     std::fs::write(last_end, "T 1").unwrap();
-    let bench = Bench::of(&config);
+    let bench = Bench::of(config);
     let mut rig = ByHand::accept(&listener);
     rig.say("hello rig 1\ncasing T 1\n");
     assert_eq!(rig.hear(), "closed T 1");

@@ -46,12 +46,10 @@ fn a_rig_may_take_its_own_time_to_home_and_no_more() {
         patience: LONG,
         timeout: Duration::from_millis(timeout_ms),
         home_timeout: Duration::from_millis(home_timeout_ms),
-        last_end: None,
-        retakes: 0,
-        device: None,
+        ..RigConfig::default()
     };
     for (rig, is_patient) in [(times(200, 30_000), true), (times(30_000, 200), false)] {
-        let mut bench = Bench::of(&rig);
+        let mut bench = Bench::of(rig);
         let mut rig = ByHand::accept(&listener);
         rig.say("hello rig 1\ncasing T\n");
         assert_eq!(rig.hear(), "scan T 7");

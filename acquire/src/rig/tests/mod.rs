@@ -59,23 +59,18 @@ struct Went {
 impl Bench {
     fn new(address: String, patience_s: f64, retakes: u16) -> Self {
         let [patience, timeout] = [patience_s, 5.0].map(|seconds| Duration::try_from_secs_f64(seconds).unwrap());
-        Self::of(&RigConfig {
-            address,
-            patience,
-            timeout,
-            home_timeout: timeout,
-            last_end: None,
-            retakes,
-            device: None,
-        })
+        Self::of(RigConfig { address, patience, timeout, home_timeout: timeout, retakes, ..RigConfig::default() })
     }
 
-    fn of(rig: &RigConfig) -> Self {
+    fn of(rig: RigConfig) -> Self {
         let (wake, woken) = sync_channel(1);
         let wake: Wake = Arc::new(move || {
             let _woken_already = wake.try_send(());
         });
-        Self { arrivals: RigArrivals::open(rig, 1, &scan(), &simulation(), wake).unwrap(), woken }
+        Self {
+            arrivals: RigArrivals::open(RigConfig { station: 1, ..rig }, &scan(), &simulation(), wake).unwrap(),
+            woken,
+        }
     }
 
     fn pause(&self) {
