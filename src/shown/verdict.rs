@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use serde::{Deserialize, Serialize};
 use tapline_host::colour::Colour;
-use tapline_store::{Reader, Region, casing_id, regions};
+use tapline_store::{Judged, Reader, Region, casing_id, regions};
 use tapline_wire::{Calibration, Channel, DamageCell, Judgement, Reasons, Scan, TapState, Verdict, monotonic_ns};
 
 use crate::shown::whole::Whole;
@@ -156,53 +156,41 @@ impl CasingVerdict {
 }
 
 impl ShoulderVerdict {
-    /// The verdict on each shoulder of a casing.
+    /// The verdict on each shoulder of a casing: RE-INSPECT until it is judged.
     pub(crate) fn all(reader: &Reader) -> Result<Vec<Self>> {
+        let open = Judgement { reasons: Reasons::NOT_ENDED, ..Judgement::default() };
         let scans = reader.plan().scans().iter().zip(reader.judgements()?);
-        scans.map(|(scan, judged)| Self::new(reader, scan, judged)).collect()
+        scans.map(|(scan, judged)| Self::new(reader, scan, &judged.unwrap_or((open, Vec::new())))).collect()
     }
 
-    pub(crate) fn new(reader: &Reader, scan: &Scan, judged: Option<(Judgement, Vec<DamageCell>)>) -> Result<Self> {
-        let mut line = Self {
+    pub(crate) fn new(reader: &Reader, scan: &Scan, (judgement, cells): &Judged) -> Result<Self> {
+        // In the strongest arc; of equals the first, as everywhere. What a second reading cleared is in no region.
+        let has_region = cells.iter().any(|cell| cell.region > 0);
+        let counts = |cell: &&DamageCell| !cell.damage_index.is_nan() && (cell.region > 0 || !has_region);
+        let by_strength = |a: &&DamageCell, b: &&DamageCell| {
+            a.region_index.total_cmp(&b.region_index).then(a.damage_index.total_cmp(&b.damage_index))
+        };
+        let peak = cells.iter().filter(counts).rev().max_by(by_strength);
+        let is_flagged = judgement.reasons.contains(Reasons::FLAGGED);
+        let found = if is_flagged { reader.discriminators()? } else { Vec::new() };
+        let qualities = || scan.taps.iter().filter_map(|&row| found[row as usize].map(|found| found.quality));
+        let arcs: Vec<_> = regions(reader.plan().geometry, cells).into_iter().map(DamageArc::from).collect();
+        let known = |value: f64| Some(value).filter(|value| value.is_finite());
+        Ok(Self {
             tyre: scan.tyre.to_string(),
             shoulder: scan.shoulder,
             station: scan.station,
-            verdict: Verdict::ReInspect,
-            reasons: Reasons::NOT_ENDED.to_string(),
-            whole: Whole::default(),
-            regions: 0,
-            arcs: Vec::new(),
-            peak_damage_index: None,
-            peak_location: None,
-            strongest_arc: None,
-            limit_re_inspect: None,
-            limit_reject: None,
-        };
-        if let Some((judgement, cells)) = judged {
-            // In the strongest arc; of equals the first, as everywhere. What a second reading cleared is in no region.
-            let has_region = cells.iter().any(|cell| cell.region > 0);
-            let counts = |cell: &&DamageCell| !cell.damage_index.is_nan() && (cell.region > 0 || !has_region);
-            let by_strength = |a: &&DamageCell, b: &&DamageCell| {
-                a.region_index.total_cmp(&b.region_index).then(a.damage_index.total_cmp(&b.damage_index))
-            };
-            let peak = cells.iter().filter(counts).rev().max_by(by_strength);
-            line.verdict = Verdict::from_code(judgement.verdict).unwrap_or(Verdict::ReInspect);
-            line.reasons = judgement.reasons.to_string();
-            let is_flagged = judgement.reasons.contains(Reasons::FLAGGED);
-            let found = if is_flagged { reader.discriminators()? } else { Vec::new() };
-            line.whole = Whole::new(&judgement, || {
-                scan.taps.iter().filter_map(|&row| found[row as usize].map(|found| found.quality))
-            });
-            line.arcs = regions(reader.plan().geometry, &cells).into_iter().map(DamageArc::from).collect();
-            line.regions = line.arcs.len();
-            line.peak_damage_index = peak.map(|cell| cell.damage_index);
-            line.peak_location = peak.map(|cell| cell.location);
-            let known = |value: f64| Some(value).filter(|value| value.is_finite());
-            line.strongest_arc = known(judgement.strongest_arc);
-            line.limit_re_inspect = known(judgement.limit_re_inspect);
-            line.limit_reject = known(judgement.limit_reject);
-        }
-        Ok(line)
+            verdict: Verdict::from_code(judgement.verdict).unwrap_or(Verdict::ReInspect),
+            reasons: judgement.reasons.to_string(),
+            whole: Whole::new(judgement, qualities),
+            regions: arcs.len(),
+            arcs,
+            peak_damage_index: peak.map(|cell| cell.damage_index),
+            peak_location: peak.map(|cell| cell.location),
+            strongest_arc: known(judgement.strongest_arc),
+            limit_re_inspect: known(judgement.limit_re_inspect),
+            limit_reject: known(judgement.limit_reject),
+        })
     }
 
     /// The verdict in colour, and its name.

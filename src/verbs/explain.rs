@@ -181,7 +181,7 @@ impl ShoulderExplanation {
         })?;
         let judged = &reader.judgements()?[number];
         let scan = &reader.plan().scans()[number];
-        let verdict = judged.as_ref().map(|judged| ShoulderVerdict::new(reader, scan, Some(judged.clone())));
+        let verdict = judged.as_ref().map(|judged| ShoulderVerdict::new(reader, scan, judged));
         let explain = |location: u32| {
             let cells = judged.as_ref().map_or(&[][..], |(_, cells)| &cells[..]);
             let cell = cells.iter().find(|cell| cell.location == location);
