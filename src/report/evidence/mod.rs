@@ -11,8 +11,8 @@ use anyhow::Result;
 use tapline_fuse::{OffsetMap, ReferenceSet};
 use tapline_store::{Judged, Reader, Region, regions};
 use tapline_wire::{
-    DamageCell, Discriminators, Geometry, Quality, Reasons, Recording, Scan, ScanState, Serial, SourceKind, TapState,
-    Verdict,
+    DamageCell, Discriminators, Geometry, Judgement, Quality, Reasons, Recording, Scan, ScanState, Serial, SourceKind,
+    TapState, Verdict,
 };
 
 use crate::config::Config;
@@ -221,10 +221,7 @@ fn shoulder(
 ) -> Shoulder {
     let cracked = |location| reader.truth().get(&(scan.tyre, scan.shoulder, location)).copied();
     let blank = |&(location, _): &(u32, Option<f64>)| DamageCell { location, ..DamageCell::default() };
-    let (judgement, map) = match judged {
-        Some((judgement, map)) => (Some(judgement), map),
-        None => (None, scan.locations.iter().map(blank).collect()),
-    };
+    let (judgement, map) = judged.unwrap_or_else(|| (Judgement::default(), scan.locations.iter().map(blank).collect()));
     let cell = |cell: &DamageCell| Cell {
         location: cell.location,
         place: places.at(cell.location),
@@ -232,24 +229,23 @@ fn shoulder(
         region: cell.region,
         is_cracked: cracked(cell.location),
     };
-    let known = judgement.and_then(|j| Verdict::from_code(j.verdict).map(|verdict| (verdict, j.reasons)));
+    let known = |value: f64| Some(value).filter(|value| value.is_finite());
+    let judged = Verdict::from_code(judgement.verdict).map(|verdict| (verdict, judgement.reasons));
     // As in the exported table of verdicts.
     let unknown = if state == ScanState::Open { Reasons::NOT_ENDED } else { Reasons::NO_INDEX };
-    let (verdict, reasons) = known.unwrap_or((Verdict::ReInspect, unknown));
+    let (verdict, reasons) = judged.unwrap_or((Verdict::ReInspect, unknown));
     let qualities = || taps.iter().filter_map(|tap| tap.found.map(|found| found.quality));
-    let limits = judgement.map(|j| Limits { re_inspect: j.limit_re_inspect, reject: j.limit_reject });
+    let limits = known(judgement.limit_re_inspect).zip(known(judgement.limit_reject));
     Shoulder {
         number: scan.shoulder,
         station: scan.station,
         verdict,
         reasons,
-        rates: judgement
-            .map(|j| [j.re_inspect_rate, j.reject_rate])
-            .filter(|rates| rates.iter().all(|r| r.is_finite())),
-        limits: limits.filter(|limits| limits.re_inspect.is_finite() && limits.reject.is_finite()),
-        strongest_arc: judgement.map(|j| j.strongest_arc).filter(|arc| arc.is_finite()),
-        first_strongest_arc: judgement.map(|j| j.first_strongest_arc).filter(|arc| arc.is_finite()),
-        whole: judgement.map_or_else(Whole::default, |judgement| Whole::new(&judgement, qualities)),
+        rates: known(judgement.re_inspect_rate).zip(known(judgement.reject_rate)).map(Into::into),
+        limits: limits.map(|(re_inspect, reject)| Limits { re_inspect, reject }),
+        strongest_arc: known(judgement.strongest_arc),
+        first_strongest_arc: known(judgement.first_strongest_arc),
+        whole: Whole::new(&judgement, qualities),
         cells: map.iter().map(cell).collect(),
         is_round: places.is_round,
         regions: regions(reader.plan().geometry, &map),
