@@ -68,7 +68,7 @@ impl KnownShoulder {
 
     /// The results of scan number `scan` of `plan`, with its locations labelled by `truth` if that is given.
     ///
-    /// Refused taps, and closing ones, are left out. `None` for a scan that is not planned.
+    /// Refused taps, closing ones and second readings are left out. `None` for a scan that is not planned.
     pub fn of(plan: &Plan, records: &[Discriminators], scan: usize, truth: Option<&Truth>) -> Option<Self> {
         let planned = plan.scans().get(scan)?;
         let mut closing = planned.taps.iter().map(|&row| &plan.taps()[row as usize]).filter(|tap| tap.is_closing());

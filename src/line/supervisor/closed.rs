@@ -1,5 +1,7 @@
 //! What happens when the file of a casing is closed: its verdict is printed, handed to the wires, and shown.
 
+use std::cmp::Reverse;
+use std::collections::BTreeSet;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -30,7 +32,9 @@ impl Supervisor<'_> {
         }
         let is_again = match (self.is_list, number) {
             (true, _) => !self.known.insert(path.clone()),
-            (false, 0) => self.own_verdicts().iter().any(|verdict| verdict.file == path),
+            (false, 0) => {
+                self.shown.verdicts.iter().any(|verdict| verdict.file == path) && !self.recalled.contains(&path)
+            }
             (false, _) => false,
         };
         if is_again {
@@ -95,29 +99,17 @@ impl Supervisor<'_> {
     /// Shows the last verdicts of earlier lines in the folder, so that a line that starts anew does not begin with an empty page.
     pub(super) fn recall(&mut self) {
         for finished in Places::new(&self.shown.out, true).last_finished(SHOWN_MAX) {
-            if self.shown.verdicts.len() >= SHOWN_MAX {
-                return;
-            }
             if self.shown.verdicts.iter().any(|verdict| verdict.file == finished.path) {
                 continue;
             }
             match earlier(&finished) {
-                Ok((verdict, last)) => {
-                    let mut stations = self.shown.stations.iter_mut();
-                    if let Some(station) = stations.find(|of| of.number == verdict.station && of.last.is_none()) {
-                        station.last = Some(last);
-                    }
-                    self.shown.verdicts.push(verdict);
-                }
+                Ok(verdict) => self.shown.verdicts.push(verdict),
                 Err(error) => tracing::warn!("{}: its verdict is not shown: {error:#}", finished.path.display()),
             }
+            self.recalled.insert(finished.path);
         }
-    }
-
-    /// The verdicts that are shown but for those of earlier lines.
-    fn own_verdicts(&self) -> &[CasingVerdict] {
-        let own = self.shown.verdicts.iter().take_while(|verdict| verdict.at_ns >= self.started_at_ns).count();
-        &self.shown.verdicts[..own]
+        self.shown.verdicts.sort_by_key(|verdict| Reverse(verdict.at_ns));
+        self.shown.verdicts.truncate(SHOWN_MAX);
     }
 
     /// Reports the verdict on the casing of `note`; `was_open` says whether it has just left its station. Returns whether it was
@@ -141,6 +133,7 @@ impl Supervisor<'_> {
                 }
                 let is_printed = self.print(&verdict);
                 self.note_judged(&verdict, &reader);
+                self.shown.verdicts.retain(|shown| shown.file != verdict.file);
                 self.shown.verdicts.truncate(SHOWN_MAX - 1);
                 self.shown.verdicts.insert(0, verdict);
                 is_printed
@@ -180,7 +173,15 @@ impl Supervisor<'_> {
             Ok(latency_s) => latency_s.into_iter().for_each(|latency_s| self.shown.latency.note(latency_s)),
             Err(error) => tracing::warn!("{}: cannot read the times of its taps: {error:#}", verdict.file.display()),
         }
-        let last = as_judged(verdict, reader);
+        let ledger = reader.ledger();
+        let last = CasingStatus {
+            name: verdict.casing.clone(),
+            planned: ledger.taps().len(),
+            archived: verdict.archived,
+            refused: verdict.refused,
+            retaken: retaken(ledger),
+            shoulders: Layout::new(reader.plan().taps()).shoulders(Some(ledger)),
+        };
         if let Some(station) = self.shown.stations.iter_mut().find(|station| station.number == verdict.station) {
             station.tally.add(verdict, last.retaken);
             station.last = Some(last);
@@ -206,24 +207,12 @@ impl Supervisor<'_> {
     }
 }
 
-/// The state of a casing that is judged.
-fn as_judged(verdict: &CasingVerdict, reader: &Reader) -> CasingStatus {
-    let ledger = reader.ledger();
-    CasingStatus {
-        name: verdict.casing.clone(),
-        planned: ledger.taps().len(),
-        archived: verdict.archived,
-        refused: verdict.refused,
-        retaken: retaken(ledger),
-        shoulders: Layout::new(reader.plan().taps()).shoulders(Some(ledger)),
-    }
-}
-
-/// The verdict on a casing of an earlier line, and its state.
-fn earlier(finished: &Finished) -> Result<(CasingVerdict, CasingStatus)> {
+/// The verdict on a casing of an earlier line, without its id, which its file does not have.
+fn earlier(finished: &Finished) -> Result<CasingVerdict> {
     let reader = Reader::open(&finished.path)?;
-    let number = reader.headers()?.into_iter().flatten().next().map_or(0, |header| header.stamp.casing);
-    let verdict = CasingVerdict::read(&finished.name, number, finished.at_ns, &reader)?;
-    let casing = as_judged(&verdict, &reader);
-    Ok((verdict, casing))
+    // A further file of a casing has another name than the casing.
+    let tyres: BTreeSet<String> = reader.plan().scans().iter().map(|scan| scan.tyre.to_string()).collect();
+    let name = if tyres.len() == 1 { tyres.first() } else { None }.unwrap_or(&finished.name);
+    let verdict = CasingVerdict::read(name, 0, finished.at_ns, &reader)?;
+    Ok(CasingVerdict { id: String::new(), ..verdict })
 }

@@ -124,8 +124,8 @@ pub(crate) struct Supervisor<'a> {
     /// When it was last asked whether there is something to show.
     looked_at: Instant,
     is_news: bool,
-    /// When this line started, in ns since the Unix epoch: earlier verdicts are of others.
-    started_at_ns: i64,
+    /// Files of earlier lines whose verdicts are shown.
+    recalled: BTreeSet<PathBuf>,
     /// Files of a list that are known to be closed: `store` reports each again when a station asks again.
     known: BTreeSet<PathBuf>,
     /// Settled taps of casings that are closed.
@@ -172,7 +172,7 @@ impl<'a> Supervisor<'a> {
             shown_at: Instant::now(),
             looked_at: Instant::now(),
             is_news: true,
-            started_at_ns: now_ns(),
+            recalled: BTreeSet::new(),
             known: BTreeSet::new(),
             settled_closed: 0,
             settled_before: 0,

@@ -74,7 +74,12 @@
   }
 
   const kindOf = (verdict) => verdict.toLowerCase();
-  const moment = (ns) => new Date(ns / 1e6).toLocaleTimeString([], { hour: '2-digit', minute: '2-digit', second: '2-digit' });
+  // With the day if that is not the line's today.
+  function moment(ns) {
+    const [then, now] = [new Date(ns / 1e6), new Date(status.at_ns / 1e6)];
+    const time = then.toLocaleTimeString([], { hour: '2-digit', minute: '2-digit', second: '2-digit' });
+    return then.toDateString() === now.toDateString() ? time : `${then.toLocaleDateString()} ${time}`;
+  }
   // By the clock of the line; the browser's clock may differ.
   const ageMs = (ns) => status.at_ns / 1e6 + (performance.now() - receivedAt) - ns / 1e6;
   function ago(ns) {
@@ -355,7 +360,7 @@
     const articles = status.stations.map(showStation);
     const box = byId('stations');
     if (articles.length !== box.children.length || articles.some((article, k) => article !== box.children[k])) box.replaceChildren(...articles);
-    put(byId('no-verdicts'), 'None since the line was started.');
+    put(byId('no-verdicts'), 'None in this folder yet.');
     byId('no-verdicts').hidden = status.verdicts.length > 0;
     put(byId('verdicts-title'), isLive ? 'Last verdicts' : 'Last verdicts before the signal was lost');
     keyed(byId('verdict-list'), JSON.stringify(status.verdicts.map((verdict) => [verdict.casing, verdict.at_ns])), () => status.verdicts.map(row));

@@ -124,7 +124,8 @@ fn what_the_second_reading_does_not_show_is_cleared() {
 #[test]
 fn what_stays_with_a_place_stands_out_no_more_after_a_second_reading() {
     // Catches a finer scale for places with more taps: what a second reading finds again is no more damage than before.
-    let casing = Casing { repetition_count: 2, ..scanned_once(vec![(1, 40..44)]) };
+    let scanned_once = scanned_once(vec![(1, 40..44)]);
+    let casing = Casing { repetition_count: 2, offsets_mm: vec![0.0], ..scanned_once };
     let plan = casing.plan();
     let turn_and_place = |record: &Discriminators| (record.id.repetition % 2, record.id.location);
     for seed in 0..5 {

@@ -10,7 +10,7 @@ pub(super) struct OffsetScale {
     place_variance: f64,
     /// Variance of one tap.
     tap_variance: f64,
-    /// Most taps of a place.
+    /// Most taps of a place of the reference.
     count_max: f64,
 }
 
