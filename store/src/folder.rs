@@ -4,10 +4,13 @@
 //! those that a line could not continue (`left`), hidden files or linked folders. Results that `tapline reprocess` put
 //! beside an archive are kept apart, so that no casing counts twice.
 
+use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, DirEntry};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
+
+use jiff::civil::Date;
 
 use crate::error::{Context as _, Result};
 use crate::file::{ENDING, LEFT_FOLDER, OPEN_FOLDER};
@@ -44,6 +47,15 @@ pub struct Results {
     pub path: PathBuf,
     /// The archive that it belongs to.
     pub archive: PathBuf,
+}
+
+/// A finished file of a line.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Finished {
+    /// When it was written last, in ns since the Unix epoch.
+    pub at_ns: i64,
+    /// The file.
+    pub path: PathBuf,
 }
 
 impl Folder {
@@ -115,6 +127,35 @@ impl Sorted {
         let folder = folder.display();
         (0 < with && with < all)
             .then(|| format!("{folder}: {} of {all} archives have no results and are left out", all - with))
+    }
+}
+
+/// The archives in the output folder `out` of a line that were finished last, at most `most`, the newest first. Results of `tapline
+/// reprocess`, and what cannot be read, are left out.
+pub fn last_finished(out: &Path, most: usize) -> Vec<Finished> {
+    let is_day = |path: &PathBuf| path.file_name().is_some_and(|name| name.to_string_lossy().parse::<Date>().is_ok());
+    let folders = entries(out).unwrap_or_default().into_iter().map(|entry| entry.path());
+    let mut days: Vec<PathBuf> = folders.filter(is_day).collect();
+    days.sort();
+    let mut found = Vec::new();
+    for day in days.iter().rev() {
+        let files = Folder::list(day).map(|folder| folder.finished).unwrap_or_default();
+        let mut of_day: Vec<Finished> = files.into_iter().filter_map(Finished::at).collect();
+        of_day.sort_unstable_by_key(|finished| Reverse(finished.at_ns));
+        let archives = of_day.into_iter().filter(|finished| !has_results(&finished.path));
+        found.extend(archives.take(most - found.len()));
+        if found.len() >= most {
+            break;
+        }
+    }
+    found
+}
+
+impl Finished {
+    fn at(path: PathBuf) -> Option<Self> {
+        let at = path.metadata().and_then(|there| there.modified()).ok()?;
+        let at = at.duration_since(SystemTime::UNIX_EPOCH).ok()?;
+        Some(Self { at_ns: i64::try_from(at.as_nanos()).ok()?, path })
     }
 }
 
@@ -202,5 +243,29 @@ mod tests {
         assert_eq!(results, Path::new("/a/B.0123456789ab.h5"));
         assert_eq!(archive_of(&results).as_deref(), Some(archive));
         assert_eq!((archive_of(archive), archive_of(Path::new("/a/B.0123456789AB.h5"))), (None, None));
+    }
+
+    /// Catches files of another day before those of the last one, results that are taken for casings, and folders that are no days.
+    #[test]
+    fn the_last_finished_files_are_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |path: &str, minute: u64| {
+            let path = folder.path().join(path);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            let file = fs::File::create(&path).unwrap();
+            file.set_modified(SystemTime::UNIX_EPOCH + std::time::Duration::from_secs(60 * minute)).unwrap();
+        };
+        write("2026-11-27/late.h5", 90);
+        write("2026-11-28/B.h5", 20);
+        write("2026-11-28/A.h5", 30);
+        write("2026-11-28/B.0123456789ab.h5", 80);
+        write("2026-old/X.h5", 99);
+        write("open/Y.h5", 99);
+        let found = |most: usize| last_finished(folder.path(), most).into_iter().map(|f| f.path).collect::<Vec<_>>();
+        let expected =
+            ["2026-11-28/A.h5", "2026-11-28/B.h5", "2026-11-27/late.h5"].map(|path| folder.path().join(path));
+        assert_eq!(found(9), expected);
+        assert_eq!(found(1), expected[..1]);
+        assert_eq!(found(0), expected[..0]);
     }
 }

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use tapline_host::atomic_file::{Existing, write_atomically};
-use tapline_store::{Finished, Places, Reader, Unreported};
+use tapline_store::{Finished, Reader, Unreported, last_finished};
 use tapline_wire::{CasingHeader, Reasons, now_ns};
 
 use crate::shown::casing::{CasingStatus, Layout, retaken};
@@ -98,7 +98,7 @@ impl Supervisor<'_> {
 
     /// Shows the last verdicts of earlier lines in the folder, so that a line that starts anew does not begin with an empty page.
     pub(super) fn recall(&mut self) {
-        for finished in Places::new(&self.shown.out, true).last_finished(SHOWN_MAX) {
+        for finished in last_finished(&self.shown.out, SHOWN_MAX) {
             if self.shown.verdicts.iter().any(|verdict| verdict.file == finished.path) {
                 continue;
             }
@@ -212,7 +212,8 @@ fn earlier(finished: &Finished) -> Result<CasingVerdict> {
     let reader = Reader::open(&finished.path)?;
     // A further file of a casing has another name than the casing.
     let tyres: BTreeSet<String> = reader.plan().scans().iter().map(|scan| scan.tyre.to_string()).collect();
-    let name = if tyres.len() == 1 { tyres.first() } else { None }.unwrap_or(&finished.name);
+    let stem = finished.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let name = if tyres.len() == 1 { tyres.first() } else { None }.unwrap_or(&stem);
     let verdict = CasingVerdict::read(name, 0, finished.at_ns, &reader)?;
     Ok(CasingVerdict { id: String::new(), ..verdict })
 }

@@ -30,7 +30,7 @@ use tapline_wire::{
 };
 
 pub use self::outcome::{Outcome, RunError};
-pub use self::places::{Finished, Places};
+pub use self::places::Places;
 pub use self::unreported::{Unreported, casing_id};
 
 use self::closer::Closer;

@@ -1,47 +1,24 @@
 //! Paths of the archives of a line: unfinished ones in one folder, finished ones under their names.
 
-use std::cmp::Reverse;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
 
 use jiff::Timestamp;
-use jiff::civil::Date;
 use jiff::tz::TimeZone;
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, percent_decode_str, utf8_percent_encode};
 use tapline_wire::{NAME_BYTES_MAX, now_ns};
 
 use crate::error::{Context as _, Result};
 use crate::file::{ENDING, LEFT_FOLDER, OPEN_FOLDER, UNREPORTED_FOLDER};
-use crate::folder::{Folder, has_results};
 
 /// What a name has in no file name.
 const ESCAPED: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'_').remove(b'.');
-
-/// A finished file.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Finished {
-    /// When it was written last, in ns since the Unix epoch.
-    pub at_ns: i64,
-    /// Name of its casing as its file has it: `A17.2` of the second file of `A17`.
-    pub name: String,
-    /// The file.
-    pub path: PathBuf,
-}
 
 /// Paths of the archives of a line.
 #[derive(Debug, Clone)]
 pub struct Places {
     out: PathBuf,
     is_dated: bool,
-}
-
-impl Finished {
-    fn at(path: PathBuf) -> Option<Self> {
-        let at = path.metadata().and_then(|there| there.modified()).ok()?;
-        let at = at.duration_since(SystemTime::UNIX_EPOCH).ok()?;
-        Some(Self { at_ns: i64::try_from(at.as_nanos()).ok()?, name: unescaped(&stem_of(&path)), path })
-    }
 }
 
 impl Places {
@@ -115,40 +92,14 @@ impl Places {
         let stem = escaped(name);
         let mut folders = vec![self.out.clone()];
         if self.is_dated {
-            folders.extend(self.folders());
+            let days = fs::read_dir(&self.out).into_iter().flatten().flatten();
+            folders.extend(days.map(|day| day.path()).filter(|day| day.is_dir()));
         }
         let mut files = Vec::new();
         for folder in folders {
             files.extend((1_u32..).map(|k| file_of(&folder, &stem, k)).take_while(|path| path.exists()));
         }
         files
-    }
-
-    /// The files that were finished last, at most `most`, the newest first; what cannot be read is left out, and so are results of
-    /// `tapline reprocess`.
-    pub fn last_finished(&self, most: usize) -> Vec<Finished> {
-        let is_day =
-            |path: &PathBuf| path.file_name().is_some_and(|name| name.to_string_lossy().parse::<Date>().is_ok());
-        let mut days: Vec<PathBuf> = self.folders().into_iter().filter(is_day).collect();
-        days.sort();
-        let mut found = Vec::new();
-        for day in days.iter().rev() {
-            let files = Folder::list(day).map(|folder| folder.finished).unwrap_or_default();
-            let mut of_day: Vec<Finished> = files.into_iter().filter_map(Finished::at).collect();
-            of_day.sort_unstable_by_key(|finished| Reverse(finished.at_ns));
-            let archives = of_day.into_iter().filter(|finished| !has_results(&finished.path));
-            found.extend(archives.take(most - found.len()));
-            if found.len() >= most {
-                break;
-            }
-        }
-        found
-    }
-
-    /// The folders in the output folder, those of days among them.
-    fn folders(&self) -> Vec<PathBuf> {
-        let entries = fs::read_dir(&self.out).into_iter().flatten().flatten();
-        entries.map(|entry| entry.path()).filter(|path| path.is_dir()).collect()
     }
 
     /// The path for the finished file of the casing `name`, which no file has.
@@ -241,28 +192,5 @@ mod tests {
         assert_eq!(names, ["A.1.h5", "A.1.2.h5", "A.1.3.h5"]);
         assert_eq!(places.all_finished("A.1").len(), 3);
         assert!(places.finished("A.1").is_some() && places.finished("A.2").is_none());
-    }
-
-    /// Catches files of another day before those of the last one, results that are taken for casings, and folders that are no days.
-    #[test]
-    fn the_last_finished_files_are_found() {
-        let folder = tempfile::tempdir().unwrap();
-        let places = Places::new(folder.path(), true);
-        let write = |path: &str, minute: u64| {
-            let path = folder.path().join(path);
-            fs::create_dir_all(path.parent().unwrap()).unwrap();
-            let file = fs::File::create(&path).unwrap();
-            file.set_modified(SystemTime::UNIX_EPOCH + std::time::Duration::from_secs(60 * minute)).unwrap();
-        };
-        write("2026-11-27/late.h5", 90);
-        write("2026-11-28/B.h5", 20);
-        write("2026-11-28/A%2F1.h5", 30);
-        write("2026-11-28/B.0123456789ab.h5", 80);
-        write("2026-old/X.h5", 99);
-        write("open/Y.h5", 99);
-        let found = |most: usize| places.last_finished(most).into_iter().map(|f| f.name).collect::<Vec<_>>();
-        assert_eq!(found(9), ["A/1", "B", "late"]);
-        assert_eq!(found(1), ["A/1"]);
-        assert_eq!(found(0), [""; 0]);
     }
 }
