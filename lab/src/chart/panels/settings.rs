@@ -92,8 +92,8 @@ fn measure(bench: &Bench) -> Result<Panel> {
             "Scenes and reference are those of the panel `recording`: faint and strong cracks of smooth and of rough casings, and faint ones \
              in eight times the noise. The rig's hum is 3 mV."
                 .to_owned(),
-            "The simulators do not agree on tau. With the impulse the index finds more cracks of `plate` in each of the seeds, though by less \
-             than the tolerance, and no more of `model`. Neither values nearer to the contact (`width_02`) nor values with less bias from \
+            "The simulators do not agree on tau. With the impulse the index finds more cracks of `plate` in each of the seeds, by about the \
+             tolerance, and no more of `model`. Neither values nearer to the contact (`width_02`) nor values with less bias from \
              noise find more, because the index compares with places that have the same bias."
                 .to_owned(),
         ],
