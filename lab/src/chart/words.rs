@@ -40,7 +40,7 @@ pub(crate) fn defaults(panels: &[Panel]) -> Vec<DefaultRow> {
             default: default.name.clone(),
             is_on_front: optimality == Optimality::OnFront,
             words: words(facet, &optimality),
-            why: off::why(panel.name, &facet.name, &default.name).filter(|_| optimality != Optimality::OnFront),
+            why: off::why(panel.name, &facet.name).filter(|_| optimality != Optimality::OnFront),
         };
         facet.defaults().into_iter().map(row).collect()
     };
