@@ -47,39 +47,38 @@ impl Spread {
 
 /// Median of `values`, which are reordered; the mean of the middle two for an even count. `None` of no values.
 pub(crate) fn median(values: &mut [f64]) -> Option<f64> {
-    let middle = values.len() / 2;
-    if values.is_empty() {
+    let is_even = values.len().is_multiple_of(2);
+    let (lower, upper) = in_order(values, values.len().checked_sub(1)? / 2)?;
+    Some(if is_even { 0.5 * lower + 0.5 * upper } else { lower })
+}
+
+/// The quantile of `values`, which are reordered, at `fraction` (0 to 1), linear between order statistics. `None` of no values.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a place within the values")]
+pub(crate) fn quantile(values: &mut [f64], fraction: f64) -> Option<f64> {
+    let place = fraction.clamp(0.0, 1.0) * values.len().checked_sub(1)? as f64;
+    let (below, above) = in_order(values, place as usize)?;
+    Some(below + (place - place.floor()) * (above - below))
+}
+
+/// Value number `number` of `values` in ascending order, and the next one; the last one is its own next. `None` of fewer values.
+fn in_order(values: &mut [f64], number: usize) -> Option<(f64, f64)> {
+    if number >= values.len() {
         return None;
     }
-    let is_even = values.len().is_multiple_of(2);
     // Integers in the order of `f64::total_cmp` are selected from at twice the speed.
     let keys: &mut [i64] = bytemuck::cast_slice_mut(values);
-    keys.iter_mut().for_each(|key| *key = in_order(*key));
-    let (below, &mut upper, _) = keys.select_nth_unstable(middle);
-    let lower = if is_even { below.iter().copied().max()? } else { upper };
-    keys.iter_mut().for_each(|key| *key = in_order(*key));
-    let [lower, upper] = [lower, upper].map(|key| f64::from_bits(in_order(key).cast_unsigned()));
-    Some(if is_even { 0.5 * lower + 0.5 * upper } else { upper })
+    keys.iter_mut().for_each(|key| *key = key_of(*key));
+    let (_, &mut found, above) = keys.select_nth_unstable(number);
+    let next = above.iter().copied().min().unwrap_or(found);
+    keys.iter_mut().for_each(|key| *key = key_of(*key));
+    let [found, next] = [found, next].map(|key| f64::from_bits(key_of(key).cast_unsigned()));
+    Some((found, next))
 }
 
 /// The bits of a number as an integer that is ordered as the number is, and back.
-fn in_order(bits: i64) -> i64 {
+fn key_of(bits: i64) -> i64 {
     // Magnitudes of negative numbers count down.
     bits ^ ((bits >> 63).cast_unsigned() >> 1).cast_signed()
-}
-
-/// The quantile of `values` at `fraction` (0 to 1), linear between order statistics; they are sorted. `None` of no values.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a place within the values, checked by get"
-)]
-pub(crate) fn quantile(values: &mut [f64], fraction: f64) -> Option<f64> {
-    values.sort_unstable_by(f64::total_cmp);
-    let place = fraction.clamp(0.0, 1.0) * values.len().checked_sub(1)? as f64;
-    let below = *values.get(place as usize)?;
-    let above = values.get(place as usize + 1).copied().unwrap_or(below);
-    Some(below + (place - place.floor()) * (above - below))
 }
 
 /// Mean and standard deviation (n - 1); `None` of fewer than two values.

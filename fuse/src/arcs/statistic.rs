@@ -43,10 +43,12 @@ impl Depth {
     /// many.
     fn scores(&self, sum: &Sum) -> Vector {
         let sums = sum.over_root();
-        std::array::from_fn(|d| {
-            let others = f64::from(sum.count(d)) - 1.0;
-            (sums[d] - self.mean[d]) / (1.0 + others * self.correlation[d]).sqrt()
-        })
+        std::array::from_fn(|d| (sums[d] - self.mean[d]) / self.deviation(d, f64::from(sum.count(d))))
+    }
+
+    /// How far the sum of discriminator number `d` over `count` offsets, over the root of their count, scatters.
+    fn deviation(&self, d: usize, count: f64) -> f64 {
+        (1.0 + (count - 1.0) * self.correlation[d]).sqrt()
     }
 }
 
@@ -61,6 +63,13 @@ pub(crate) struct Arc {
     depth: usize,
     /// Standard deviations above sound shoulders.
     pub(crate) value: f64,
+}
+
+impl Arc {
+    /// The one that stands out more; the first of equals.
+    pub(crate) fn stronger(self, other: Self) -> Self {
+        if other.value > self.value { other } else { self }
+    }
 }
 
 /// Scores of the places of a shoulder, `[depth][place]`, each of standard deviation 1 on sound ones; NaN where nothing is known.
@@ -79,7 +88,8 @@ impl ArcStatistic {
         for (number, depth) in statistic.depths.iter_mut().enumerate() {
             let mut sums = vec![Vec::new(); ARC_MAX];
             for (ring, maps) in &maps {
-                arcs(ring, &maps[number], ARC_MAX).for_each(|(_, length, sum)| sums[length - 1].push(sum));
+                let all = (0..ring.len()).flat_map(|start| arcs(ring, &maps[number], start));
+                all.for_each(|(length, sum)| sums[length - 1].push(sum));
             }
             depth.by_length = scatter_by_length(&sums, is_own);
         }
@@ -112,16 +122,6 @@ impl ArcStatistic {
         Depth { mean, correlation, by_length: Vec::new() }
     }
 
-    /// The same for noise about 0: without what arcs of the reference scatter more than independent values do.
-    pub(crate) fn of_white(&self) -> Self {
-        let mut white = self.clone();
-        for depth in &mut white.depths {
-            depth.mean = [0.0; ABSENT.len()];
-            depth.by_length = vec![depth.by_length[0].clone(); ARC_MAX];
-        }
-        white
-    }
-
     /// The same of `offset` alone.
     pub(crate) fn alone(&self, offset: usize) -> Self {
         Self { offsets: vec![offset], depths: self.depths.first().cloned().into_iter().collect() }
@@ -142,6 +142,13 @@ impl ArcStatistic {
     /// How a place scatters: at one offset, over the first two of them, and so on.
     pub(crate) fn of_places(&self) -> impl Iterator<Item = &Scatter> {
         self.depths.iter().map(|depth| &depth.by_length[0])
+    }
+
+    /// What makes the sum of `count` of the first `depth` + 1 offsets to the scores of a place where all are about 0; 0 of no offset.
+    pub(crate) fn scale(&self, depth: usize, count: usize) -> Vector {
+        let count = count as f64;
+        let scale = |d: usize| 1.0 / (count.sqrt() * self.depths[depth].deviation(d, count));
+        if count > 0.0 { std::array::from_fn(scale) } else { Vector::default() }
     }
 
     /// The scores of the places of a shoulder, from those `[offset][place]`.
@@ -168,14 +175,18 @@ impl ArcStatistic {
 
     /// The arc that stands out most; the first and shortest of equals. `None` where no place has a value.
     pub(crate) fn strongest(&self, ring: &Ring, maps: &Maps) -> Option<Arc> {
-        self.strongest_above(f64::NEG_INFINITY, ring, maps)
+        let stronger = |strongest: Option<Arc>, start| {
+            let least = strongest.map_or(f64::NEG_INFINITY, |arc| arc.value);
+            self.strongest_from(start, least, ring, maps).or(strongest)
+        };
+        (0..ring.len()).fold(None, stronger)
     }
 
-    /// The same if it stands out more than `least`; much faster if few arcs do.
-    pub(crate) fn strongest_above(&self, least: f64, ring: &Ring, maps: &Maps) -> Option<Arc> {
+    /// The same of those that begin at `start`, if one stands out more than `least`; much faster if few do.
+    pub(crate) fn strongest_from(&self, start: usize, least: f64, ring: &Ring, maps: &Maps) -> Option<Arc> {
         let mut strongest: Option<Arc> = None;
         for (number, (depth, map)) in self.depths.iter().zip(maps).enumerate() {
-            for (start, length, sum) in arcs(ring, map, ARC_MAX) {
+            for (length, sum) in arcs(ring, map, start) {
                 let best = strongest.map_or(least, |arc| arc.value);
                 if let Some(value) = depth.by_length[length - 1].evidence_above(best, &sum) {
                     strongest = Some(Arc { start, length, depth: number, value });
@@ -193,15 +204,14 @@ impl ArcStatistic {
     }
 }
 
-/// The arcs of at most `longest` neighbours that begin and end with a value: first place, length, and the sum of their scores over
+/// The arcs of at most [`ARC_MAX`] neighbours from `start` on that begin and end with a value: length, and the sum of their scores over
 /// the root of their count.
-fn arcs<'a>(ring: &'a Ring, map: &'a [Vector], longest: usize) -> impl Iterator<Item = (usize, usize, Vector)> + 'a {
-    (0..map.len()).filter(|&start| has_value(&map[start])).flat_map(move |start| {
-        let mut sum = Sum::default();
-        ring.from(start).take(longest).enumerate().filter_map(move |(number, place)| {
-            sum.add(&map[place]);
-            has_value(&map[place]).then(|| (start, number + 1, sum.over_root()))
-        })
+fn arcs<'a>(ring: &'a Ring, map: &'a [Vector], start: usize) -> impl Iterator<Item = (usize, Vector)> + 'a {
+    let mut sum = Sum::default();
+    let longest = if has_value(&map[start]) { ARC_MAX } else { 0 };
+    ring.from(start).take(longest).enumerate().filter_map(move |(number, place)| {
+        sum.add(&map[place]);
+        has_value(&map[place]).then(|| (number + 1, sum.over_root()))
     })
 }
 
@@ -333,7 +343,7 @@ mod tests {
         let statistic = ArcStatistic::fit(vec![0], &reference, false);
         let sound = scores(vec![wave(0.5)]);
         let value = |of: &ArcStatistic| of.strongest(&ring, &of.maps(&sound.by_offset)).unwrap().value;
-        let (fitted, white) = (value(&statistic), value(&statistic.of_white()));
+        let (fitted, white) = (value(&statistic), value(&ArcStatistic::fit(vec![0], &[], false)));
         assert!(fitted < 2.0 && white > 2.5, "{fitted} {white}");
     }
 

@@ -11,12 +11,14 @@
 //! In both, S removes the joint change of scores at a place that is only softer than others.
 
 mod covariance;
+mod normals;
 mod scatter;
 
 use std::sync::LazyLock;
 
 use tapline_wire::Discriminator;
 
+pub(crate) use normals::Normals;
 pub(crate) use scatter::Scatter;
 
 /// One score a discriminator, in the order in which they are configured; NaN where it is absent, and beyond the last one.
@@ -25,8 +27,12 @@ pub(crate) type Vector = [f64; WIDTH];
 /// The scores of a place of which nothing is known.
 pub(crate) const ABSENT: Vector = [f64::NAN; WIDTH];
 
+/// The scores of many places, or values that scores are made of, `[discriminator][place]`: in single precision and this order they are
+/// fast to compute.
+pub(crate) type Columns = [Vec<f32>; WIDTH];
+
 /// Most discriminators.
-const WIDTH: usize = Discriminator::COUNT;
+pub(crate) const WIDTH: usize = Discriminator::COUNT;
 
 /// 1 over the root of a count, NaN of 0: sums over few places are asked for by the million.
 static INVERSE_ROOTS: LazyLock<[f64; 64]> =

@@ -4,11 +4,10 @@ mod orthant;
 mod weights;
 
 use faer::Mat;
-use rand::Rng;
-use rand_distr::{Distribution as _, StandardNormal};
 
 use crate::evidence::covariance::Covariance;
-use crate::evidence::{ABSENT, Vector, WIDTH};
+use crate::evidence::{Columns, Normals, Vector, WIDTH};
+use crate::stats::quantile;
 
 /// A variance at or below this is rounding: that of what counts is near 1.
 const VARIANCE_MIN: f64 = 1e-12;
@@ -17,6 +16,9 @@ const VARIANCE_MIN: f64 = 1e-12;
 /// apart, a rogue tap does, and without this fraction it would stand out. With less, sound shoulders of rough casings are called more
 /// often than stated; with more, more faint cracks pass (`docs/rates.md`).
 const UNRELATED: f64 = 0.1;
+
+/// How many scores are drawn to find a limit.
+const DRAWN_COUNT: usize = 2000;
 
 /// One row and column a discriminator.
 type Square = [Vector; WIDTH];
@@ -133,31 +135,41 @@ impl Scatter {
         self.covariance[d][d].sqrt()
     }
 
-    /// `scores` as values that are independent on sound places, each of variance 1: their length is not less than the evidence, but for
-    /// [`crate::evidence::ROUNDING`]. NaN where any that counts is absent.
-    pub(crate) fn whitened(&self, scores: &Vector) -> Vector {
-        // Whole columns, so that the compiler can use vectors.
-        let mut white = [0.0; WIDTH];
-        for &k in &self.used {
-            for (white, part) in white.iter_mut().zip(&self.whitening[k]) {
-                *white += part * scores[k];
-            }
-        }
-        white
+    /// `scores` as values that are independent on sound places, each of variance 1. The length of those of a place is not less than its
+    /// evidence, but for the rounding.
+    pub(crate) fn whitened(&self, scores: &Columns) -> Columns {
+        self.product(&self.whitening, scores)
     }
 
-    /// Scores drawn from noise that scatters so; NaN of what does not count.
-    pub(crate) fn draw(&self, rng: &mut impl Rng) -> Vector {
-        // Whole columns, so that the compiler can use vectors.
-        let mut drawn = ABSENT;
-        self.used.iter().for_each(|&d| drawn[d] = 0.0);
-        for &k in &self.used {
-            let normal: f64 = StandardNormal.sample(rng);
-            for (drawn, part) in drawn.iter_mut().zip(&self.factor[k]) {
-                *drawn += part * normal;
+    /// The scores that scatter so, of independent values of variance 1.
+    pub(crate) fn coloured(&self, white: &Columns) -> Columns {
+        self.product(&self.factor, white)
+    }
+
+    /// The product of a `triangle` with the values of each place; 0 of what does not count.
+    fn product(&self, triangle: &Square, values: &Columns) -> Columns {
+        let of = |d: usize| {
+            let mut product = vec![0.0; values[d].len()];
+            for &k in self.used.iter().filter(|&&k| k <= d) {
+                let part = triangle[k][d] as f32;
+                product.iter_mut().zip(&values[k]).for_each(|(product, value)| *product += part * value);
+            }
+            product
+        };
+        std::array::from_fn(of)
+    }
+
+    /// What [`Self::evidence_apart`] of scores that scatter so exceeds with probability `rate`; 0 where nothing varies.
+    pub(crate) fn limit_apart(&self, rate: f64) -> f64 {
+        let mut squares = vec![0.0; DRAWN_COUNT];
+        let drawn = self.coloured(&Normals::default().columns(DRAWN_COUNT));
+        for d in self.used() {
+            for (square, score) in squares.iter_mut().zip(&drawn[d]) {
+                let above = if *score > 0.0 { f64::from(*score) / self.deviation(d) } else { 0.0 };
+                *square += above * above;
             }
         }
-        drawn
+        quantile(&mut squares, 1.0 - rate).map_or(0.0, f64::sqrt)
     }
 }
 
@@ -173,11 +185,17 @@ fn pairs(of: &[usize]) -> impl Iterator<Item = (usize, usize)> + '_ {
 
 #[cfg(test)]
 mod tests {
-    use rand::SeedableRng as _;
-    use rand_chacha::ChaCha8Rng;
     use tapline_testing::noise::Noise;
 
     use super::*;
+    use crate::evidence::ABSENT;
+
+    pub(super) fn drawn(scatter: &Scatter, count: usize) -> Vec<Vector> {
+        let columns = scatter.coloured(&Normals::default().columns(count));
+        let score =
+            |place: usize, d: usize| if scatter.used.contains(&d) { f64::from(columns[d][place]) } else { f64::NAN };
+        (0..count).map(|place| std::array::from_fn(|d| score(place, d))).collect()
+    }
 
     #[test]
     fn noise_scatters_as_it_is_told() {
@@ -185,13 +203,32 @@ mod tests {
         let root = Mat::from_fn(3, 3, |i, j| [[0.9, -0.3, 0.2], [0.1, 0.8, -0.5], [0.4, 0.2, 0.7]][i][j]);
         let matrix = root.transpose() * &root;
         let scatter = Scatter::new(&Mat::from_fn(4, 4, |i, j| if i < 3 && j < 3 { matrix[(i, j)] } else { 0.0 }));
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let drawn: Vec<Vector> = (0..20_000).map(|_| scatter.draw(&mut rng)).collect();
+        let drawn = drawn(&scatter, 20_000);
         for (i, j) in pairs(&[0, 1, 2]) {
             let found = drawn.iter().map(|z| z[i] * z[j]).sum::<f64>() / 20_000.0;
             assert!((found - scatter.covariance[i][j]).abs() < 0.05, "{i} {j} {found}");
         }
         assert!(drawn.iter().all(|z| z[3].is_nan()));
+    }
+
+    #[test]
+    fn few_places_of_noise_are_beyond_their_limit() {
+        // Catches a limit of independent scores where three go together, of variances, and of another part of the places.
+        let matrix = Mat::from_fn(4, 4, |i, j| {
+            if i == j {
+                4.0
+            } else if i < 3 && j < 3 {
+                3.6
+            } else {
+                0.0
+            }
+        });
+        let scatter = Scatter::new(&matrix);
+        let beyond = drawn(&scatter, 20_000);
+        let limit = scatter.limit_apart(0.05);
+        let found = beyond.iter().filter(|scores| scatter.evidence_apart(scores) > limit).count() as f64 / 20_000.0;
+        assert!((0.04..0.06).contains(&found), "{found} {limit}");
+        assert!(Scatter::default().limit_apart(0.05).abs() < 1e-12);
     }
 
     #[test]

@@ -11,8 +11,6 @@ mod level;
 mod offset_scale;
 mod taps;
 
-use rand::SeedableRng as _;
-use rand_chacha::ChaCha8Rng;
 use tapline_wire::{Direction, Discriminator};
 
 use crate::evidence::{ABSENT, Scatter, Vector, has_value};
@@ -26,9 +24,6 @@ use crate::stats::{Spread, mean_and_sd, median, quantile};
 /// Part of sound places that are left out of the level of their turns because they and their neighbours stand out most: those
 /// beyond two standard deviations of one score.
 const OUTLIER_FRACTION: f64 = 0.0228;
-
-/// How many places of noise are drawn to find how far that part stands out.
-const DRAWN_COUNT: usize = 2000;
 
 /// How often outliers are sought.
 const ROUNDS: usize = 2;
@@ -247,12 +242,9 @@ impl Fused {
             near.filter(|(_, kept)| *kept).map(|(near, _)| near)
         });
         self.near_scatter = self.scatter_of(sound.collect());
-        let near = &self.near_scatter;
         // Apart from each other: by what two discriminators do together a level that is a little off would show everywhere.
-        let mut rng = ChaCha8Rng::seed_from_u64(0);
-        let mut drawn: Vec<f64> = (0..DRAWN_COUNT).map(|_| near.evidence_apart(&near.draw(&mut rng))).collect();
         // 0 where nothing varies: no place is beyond it.
-        self.near_limit = quantile(&mut drawn, 1.0 - OUTLIER_FRACTION).unwrap_or(f64::INFINITY);
+        self.near_limit = self.near_scatter.limit_apart(OUTLIER_FRACTION);
         means
     }
 
