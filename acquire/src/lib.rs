@@ -40,7 +40,7 @@ pub use capture::{
     CaptureConfig, Crossing, DeviceName, Monitor, MonitoredTap, NotTaps, Trigger, TriggerConfig, UldaqConfig,
 };
 pub use config::calibration::{CALIBRATION_FILE, CalibrationFile, ChannelScale};
-pub use config::text::toml_in_words;
+pub use config::text::{toml_fault, toml_in_words};
 pub use config::{AcquireConfig, ScanConfig, TyreConfig};
 pub use error::Error;
 pub use rig::{RigArrivals, RigConfig, RigReport, RigScript, last_on_rig, serve_rig};

@@ -6,7 +6,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
-use tapline_acquire::{SAMPLE_RATE_HZ_MAX, TriggerConfig};
+use tapline_acquire::{SAMPLE_RATE_HZ_MAX, TriggerConfig, toml_fault};
 use tapline_wire::{Channel, Geometry, Unit};
 
 use crate::error::{Error, Result};
@@ -84,9 +84,8 @@ impl Config {
     pub(crate) fn read(path: &Path) -> Result<Self> {
         let text = text_of(path, BYTES_MAX)?;
         let mut config: Self = toml::from_str(&text).map_err(|error| {
-            let before = error.span().and_then(|span| text.get(..span.start));
-            let line = before.map(|before| 1 + before.bytes().filter(|&byte| byte == b'\n').count());
-            Error::Text { file: path.to_owned(), line, reason: error.message().replace('\n', ", ") }
+            let (line, reason) = toml_fault(&text, &error);
+            Error::Text { file: path.to_owned(), line, reason }
         })?;
         path.clone_into(&mut config.path);
         config.check().map_err(|reason| config.refuse(reason))?;

@@ -62,9 +62,10 @@ impl Case {
 #[test]
 fn faults_of_the_configuration_are_told() {
     for (from, to, parts) in [
-        ("channels", "chanels", &["import.toml line 2: unknown field `chanels`"][..]),
+        ("channels", "chanels", &["import.toml line 2: `chanels = ", ": unknown field `chanels`"][..]),
         ("force = 1, sound = 2", "", &["import.toml: channels is empty; it must name force, sound or both"]),
-        ("sound = 2", "light = 2", &["import.toml line 2: unknown field `light`"]),
+        ("sound = 2", "light = 2", &["import.toml line 2: `channels = ", ": unknown field `light`"]),
+        ("sound = 2", "sound = -2", &["import.toml line 2: ", "a channel is its number, from 1, or its name"]),
         ("sound = 2", "sound = 3", &["A_1_0.wav: has no channel number 3 (from 1); it has \"1\", \"2\""]),
         ("sound = 2", "sound = \"mic\"", &["A_1_0.wav: has no channel \"mic\"; it has \"1\", \"2\""]),
         ("sound = 2", "sound = 0", &["has no channel number 0"]),

@@ -48,8 +48,7 @@ impl CalibrationFile {
     /// # Errors
     /// [`Error::Unreadable`], [`Error::Syntax`], or [`Error::Setting`] for the first value out of its bounds.
     pub fn read(path: &Path) -> Result<Self, Error> {
-        let text =
-            std::fs::read_to_string(path).map_err(|source| Error::Unreadable { file: path.to_owned(), source })?;
+        let text = text::read(path)?.ok_or_else(|| text::missing(path))?;
         let file: Self = text::toml(path, &text)?;
         file.validate(&path.display().to_string())?;
         Ok(file)

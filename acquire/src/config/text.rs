@@ -48,18 +48,24 @@ pub(crate) fn decode(file: &Path, bytes: Vec<u8>) -> Result<String, Error> {
 /// Longest part of a line that an error shows.
 const SHOWN_MAX: usize = 80;
 
-/// Parses the TOML `text` of `file`. An error shows the faulty line, because it names the key; a missing key has no line.
+/// Parses the TOML `text` of `file`.
 pub(crate) fn toml<T: DeserializeOwned>(file: &Path, text: &str) -> Result<T, Error> {
     toml::from_str(text).map_err(|error| {
-        let line = error.span().filter(|at| at.end > 0).map(|at| line_at(text, at.start));
-        let written = line.and_then(|line| text.lines().nth(line - 1)).map_or_else(String::new, |written| {
-            format!("`{}`: ", written.trim().chars().take(SHOWN_MAX).collect::<String>())
-        });
-        let reason = format!("{written}{}", toml_in_words(error.message()).replace('\n', ", "));
-        // A terminal would obey the file's control codes.
-        let reason = reason.chars().map(|c| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c }).collect();
+        let (line, reason) = toml_fault(text, &error);
         Error::Syntax { file: file.to_owned(), line, reason }
     })
+}
+
+/// The line of the `error` in the TOML `text`, and what is wrong there. The faulty line is shown, because it names the key; a missing key
+/// has no line.
+pub fn toml_fault(text: &str, error: &toml::de::Error) -> (Option<usize>, String) {
+    let line = error.span().filter(|at| at.end > 0).map(|at| line_at(text, at.start));
+    let written = line.and_then(|line| text.lines().nth(line - 1)).map_or_else(String::new, |written| {
+        format!("`{}`: ", written.trim().chars().take(SHOWN_MAX).collect::<String>())
+    });
+    let reason = format!("{written}{}", toml_in_words(error.message()).replace('\n', ", "));
+    // A terminal would obey the file's control codes.
+    (line, reason.chars().map(|c| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c }).collect())
 }
 
 /// Plain words for the types that an error expects.

@@ -113,9 +113,8 @@ impl Recordings {
 /// The length of a recording's file and the digest of its beginning, which holds the noise before the impact and the
 /// impact itself: no two recordings have the same. Both are 0 if the file cannot be read.
 fn length_and_beginning(path: &Path) -> (u64, u64) {
-    let read = || -> std::io::Result<(u64, u64)> {
-        let file = std::fs::File::open(path)?;
-        let length = file.metadata()?.len();
+    let read = || -> Result<(u64, u64), WavFault> {
+        let (file, length) = wav::open(path)?;
         let mut beginning = Vec::with_capacity(BEGINNING_BYTES as usize);
         file.take(BEGINNING_BYTES).read_to_end(&mut beginning)?;
         Ok((length, digest_of_parts(std::iter::once(beginning.as_slice()))))

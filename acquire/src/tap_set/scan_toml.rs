@@ -48,8 +48,8 @@ struct Written {
     sound_full_scale_v: Option<Spanned<f64>>,
     sound_full_scale_pa: Option<Spanned<f64>>,
     microphone_distance_m: Option<Spanned<f64>>,
-    force_unit: Option<String>,
-    sound_unit: Option<String>,
+    force_unit: Option<Spanned<String>>,
+    sound_unit: Option<Spanned<String>>,
     // For people: nothing reads them.
     #[serde(rename = "description")]
     _description: Option<String>,
@@ -128,6 +128,19 @@ pub(crate) fn parse(file: &Path, text: &str) -> Result<ScanToml, Error> {
         let bound = "left out, as sound_full_scale_v is given";
         return Err(refuse("sound_full_scale_pa", pascals.span(), format!("{:?}", pascals.get_ref()), bound));
     }
+    let unit = |key, channel, unit: Option<Spanned<String>>, full_scale: Option<FullScale>| {
+        let Some(unit) = unit else { return Ok(None) };
+        match (Unit::of_recording(channel, unit.get_ref()), full_scale) {
+            (Some((_, named)), Some((_, stated))) if named != stated => {
+                let bound = format!("left out, as the full scale is in {}", stated.name());
+                Err(refuse(key, unit.span(), format!("{:?}", unit.get_ref()), &bound))
+            }
+            _ => Ok(Some(unit.into_inner())),
+        }
+    };
+    let sound_full_scale = volts.or(pascals);
+    let force_unit = unit("force_unit", Channel::Force, written.force_unit, force_full_scale)?;
+    let sound_unit = unit("sound_unit", Channel::Sound, written.sound_unit, sound_full_scale)?;
     let microphone_distance_m = match &written.microphone_distance_m {
         Some(distance_m) => {
             let bound = format!("a number from 0 to {MICROPHONE_DISTANCE_M_MAX}");
@@ -141,10 +154,10 @@ pub(crate) fn parse(file: &Path, text: &str) -> Result<ScanToml, Error> {
         sample_rate_hz,
         pre_trigger_samples,
         force_full_scale,
-        sound_full_scale: volts.or(pascals),
+        sound_full_scale,
         microphone_distance_m,
-        force_unit: written.force_unit,
-        sound_unit: written.sound_unit,
+        force_unit,
+        sound_unit,
     })
 }
 
@@ -187,6 +200,9 @@ mod tests {
         assert_eq!(named, [Some((1.0, Unit::Newton)), Some((1.0, Unit::Volt))]);
         let named = |unit| parsed(&format!("{GOOD}force_unit = \"{unit}\"\n")).unwrap().named_unit(Channel::Force);
         assert_eq!((named("kN"), named("V"), named("counts")), (Some((1e3, Unit::Newton)), None, None));
+        assert_eq!(named("KN"), named("kN"));
+        let stated = parsed(&format!("{GOOD}force_full_scale_n = 9\nforce_unit = \"counts\"\n")).unwrap();
+        assert_eq!(stated.full_scale(Channel::Force), Some((9.0, Unit::Newton)));
         let pascals = parsed(&format!("{GOOD}sound_full_scale_pa = 20.0\n")).unwrap();
         assert_eq!(pascals.full_scale(Channel::Sound), Some((20.0, Unit::Pascal)));
     }
@@ -229,6 +245,11 @@ mod tests {
                 "= 512",
                 "= 512\nsound_full_scale_v = 1\nsound_full_scale_pa = 1",
                 "line 6: sound_full_scale_pa is 1.0; it must be left out",
+            ),
+            (
+                "= 512",
+                "= 512\nsound_full_scale_v = 5\nsound_unit = \"Pa\"",
+                "line 6: sound_unit is \"Pa\"; it must be left out, as the full scale is in V",
             ),
             ("= 512", "= 512\nsource = 3", "line 5: `source = 3`: invalid type: integer `3`, expected a string"),
             ("= 512", "= 512\ngeometry = \"line\"", "line 5: `geometry = \"line\"`: duplicate key"),

@@ -176,8 +176,9 @@ fn refuse_turning_angles(file: &Path, rows: &[TapRow]) -> Result<(), Error> {
     for shoulder in shoulders.values() {
         let mut around_deg = 0.0;
         for ((before, (from_deg, _)), (_, (to_deg, line))) in shoulder.iter().zip(shoulder.iter().skip(1)) {
-            around_deg += (to_deg - from_deg).rem_euclid(360.0);
-            if around_deg > 360.0 {
+            let step_deg = (to_deg - from_deg).rem_euclid(360.0);
+            around_deg += step_deg;
+            if around_deg > 360.0 || step_deg <= 0.0 {
                 return Err(Error::Cell {
                     file: file.to_owned(),
                     line: *line,
@@ -245,7 +246,7 @@ mod tests {
         parsed(Geometry::Ring, rows).unwrap()
     }
 
-    /// Catches locations that are numbered anticlockwise, an angle that lies elsewhere, and rings that begin anywhere and are refused.
+    /// Catches locations that are numbered anticlockwise, an angle that all have, one that lies elsewhere, and rings that begin anywhere and are refused.
     #[test]
     fn angles_go_around_once() {
         let rows = |angles: &[f64]| -> String {
@@ -257,6 +258,7 @@ mod tests {
         for (bad, line, before) in [
             (&[0.0, 270.0, 180.0, 90.0][..], 4, "270, that of location 1"),
             (&[0.0, 30.0, 355.0, 90.0, 120.0], 5, "355, that of location 2"),
+            (&[5.0, 5.0, 5.0], 3, "5, that of location 0"),
         ] {
             let error = parsed(Geometry::Ring, &rows(bad)).unwrap_err().to_string();
             let wanted = [format!("taps.csv line {line}: angle_deg is "), format!("clockwise of {before}")];

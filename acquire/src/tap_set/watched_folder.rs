@@ -165,7 +165,7 @@ impl FolderArrivals {
 
     fn keep(&mut self, name: &OsStr, error: &io::Error) {
         let set = self.folder.join(name);
-        if error.kind() == io::ErrorKind::NotFound {
+        if fs::symlink_metadata(&set).is_err_and(|error| error.kind() == io::ErrorKind::NotFound) {
             tracing::error!(
                 "station {}: tap set {} was taken away while it was under way",
                 self.station,
@@ -332,6 +332,11 @@ fn set_names(folder: &Path) -> io::Result<(BTreeSet<OsString>, usize)> {
 /// Moves `set` into `folder`, with a number after its name if that is taken; returns its new path.
 fn put_into(set: &Path, folder: &Path) -> io::Result<PathBuf> {
     let name = set.file_name().ok_or(io::ErrorKind::InvalidInput)?;
+    // Somebody may have removed it with all that was in it.
+    match fs::create_dir(folder) {
+        Err(error) if error.kind() != io::ErrorKind::AlreadyExists => return Err(error),
+        _ => {}
+    }
     let mut place = folder.join(name);
     for number in 2..SAME_NAME_MAX {
         match rename_new(set, &place) {

@@ -69,6 +69,22 @@ fn sets_come_in_order_and_are_put_aside() {
     assert_eq!((names_in(&dir, "done"), next(&mut folder)), (["a", "a.2", "b"].map(str::to_owned).to_vec(), None));
 }
 
+/// Catches a set that is begun again without end because the folder for finished or for bad ones was removed.
+#[test]
+fn folders_that_were_removed_are_made_again() {
+    let (dir, mut folder) = watched();
+    deliver(&dir, "a", &["A"]);
+    deliver(&dir, "b", &["B"]);
+    fs::write(dir.path().join("inbox/b/scan.toml"), "geometry = 3").unwrap();
+    assert_eq!(next(&mut folder).as_deref(), Some("A"));
+    for folder in ["done", "failed"] {
+        fs::remove_dir_all(dir.path().join("inbox").join(folder)).unwrap();
+    }
+    close(&mut folder, "A");
+    assert_eq!(next(&mut folder), None);
+    assert_eq!((names_in(&dir, "done"), names_in(&dir, "failed")), (vec!["a".to_owned()], vec!["b".to_owned()]));
+}
+
 /// Catches a set that belongs to another user and is taken for one whose tables are still to come.
 #[test]
 fn a_set_that_may_not_be_read_is_an_alarm() {

@@ -19,7 +19,7 @@ use crate::series::Series;
 
 /// Which channel of a file, or of a part of it.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "a channel is its number, from 1, or its name")]
 pub(crate) enum Pick {
     /// The one at this place, from 1.
     Number(usize),

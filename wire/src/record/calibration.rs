@@ -34,19 +34,23 @@ impl Unit {
     }
 
     /// How many newtons, volts or pascals a recording's unit `name` is; `None` if `channel` has no such unit.
+    ///
+    /// Capitals count only where they tell milli from mega.
     pub fn of_recording(channel: Channel, name: &str) -> Option<(f64, Self)> {
         use crate::Channel::{Force, Sound};
-        Some(match (channel, name.trim()) {
-            (Force, "N") => (1.0, Self::Newton),
-            (Force, "mN") => (1e-3, Self::Newton),
-            (Force, "kN") => (1e3, Self::Newton),
+        let name = name.trim();
+        let lower = name.to_lowercase();
+        Some(match (channel, if name.starts_with('M') { name } else { &lower }) {
+            (Force, "n") => (1.0, Self::Newton),
+            (Force, "mn") => (1e-3, Self::Newton),
+            (Force, "kn") => (1e3, Self::Newton),
             (Force, "lbf") => (4.448_221_615_260_5, Self::Newton),
-            (Sound, "V") => (1.0, Self::Volt),
-            (Sound, "mV") => (1e-3, Self::Volt),
-            (Sound, "kV") => (1e3, Self::Volt),
-            (Sound, "uV" | "\u{b5}V" | "\u{3bc}V") => (1e-6, Self::Volt),
-            (Sound, "Pa") => (1.0, Self::Pascal),
-            (Sound, "mPa") => (1e-3, Self::Pascal),
+            (Sound, "v") => (1.0, Self::Volt),
+            (Sound, "mv") => (1e-3, Self::Volt),
+            (Sound, "kv") => (1e3, Self::Volt),
+            (Sound, "uv" | "\u{b5}v" | "\u{3bc}v") => (1e-6, Self::Volt),
+            (Sound, "pa") => (1.0, Self::Pascal),
+            (Sound, "mpa") => (1e-3, Self::Pascal),
             _ => return None,
         })
     }
