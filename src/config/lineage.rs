@@ -1,9 +1,11 @@
 //! What results are made by: the program's sources, and every option that affects results with its value.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 use anyhow::{Context as _, Result};
 use serde::Serialize;
+use tapline_fuse::Reference;
 
 use crate::config::Config;
 
@@ -29,11 +31,16 @@ struct MadeBy<'a> {
     program: &'a str,
     sources: BTreeMap<&'a str, &'a str>,
     #[serde(flatten)]
-    config: &'a Config,
+    config: Config,
 }
 
 /// The lines that an archive keeps of this program and of the options in `config` that affect results, with defaults.
 pub(crate) fn made_by(config: &Config) -> Result<String> {
+    let mut config = config.clone();
+    // A reference file counts by its content, which the key of a lineage has beside these lines, and not by where it is.
+    if let Some(Reference::File(path)) = &mut config.fuse.reference {
+        *path = PathBuf::from("file");
+    }
     let made_by = MadeBy { program: env!("CARGO_PKG_VERSION"), sources: SOURCES.into_iter().collect(), config };
     let mut table = toml::Table::try_from(made_by).context("the options do not fit TOML")?;
     AFFECT_NO_RESULT.iter().for_each(|path| remove(&mut table, path));
@@ -191,6 +198,18 @@ mod tests {
         });
         assert!(count > 60, "only {count} options were flipped");
         assert_eq!(stuck, Vec::<String>::new(), "no other value of these was found");
+    }
+
+    /// Catches results of one reference that have another lineage because its path is spelled otherwise.
+    #[test]
+    fn the_place_of_a_reference_is_not_in_the_key() {
+        let made_by = |reference| {
+            let fuse = tapline_fuse::FuseConfig { reference, ..Config::default().fuse };
+            made_by(&Config { fuse, ..Config::default() }).unwrap()
+        };
+        let of_file = |path: &str| made_by(Some(Reference::File(path.into())));
+        assert_eq!(of_file("sound.json"), of_file("./sound.json"));
+        assert_ne!(of_file("sound.json"), made_by(Some(Reference::Own)));
     }
 
     /// Catches keys that do not change with the taps, the sources or the reference.

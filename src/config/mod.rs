@@ -8,6 +8,7 @@ pub(crate) mod report;
 pub(crate) mod wires;
 
 use std::fs;
+use std::io::Read as _;
 use std::path::Path;
 
 use anyhow::{Context as _, Result, bail, ensure};
@@ -103,6 +104,17 @@ impl LineConfig {
     }
 }
 
+/// Largest configuration or reference that is read.
+const TEXT_BYTES_MAX: u64 = 1 << 28;
+
+/// The text of the file at `path`, without the byte-order mark that some editors put before it.
+fn text_of(path: &Path) -> Result<String> {
+    let mut text = String::new();
+    let read = fs::File::open(path)?.take(TEXT_BYTES_MAX + 1).read_to_string(&mut text)?;
+    ensure!(read as u64 <= TEXT_BYTES_MAX, "it has more than {TEXT_BYTES_MAX} bytes, and no more are read");
+    Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
+}
+
 impl Config {
     /// Reads the TOML `text`.
     pub(crate) fn parse(text: &str) -> Result<Self> {
@@ -114,8 +126,7 @@ impl Config {
 
     /// Reads the file at `path`: the configuration, and its text.
     pub(crate) fn read(path: &Path) -> Result<(Self, String)> {
-        let text =
-            fs::read_to_string(path).with_context(|| format!("cannot read the configuration {}", path.display()))?;
+        let text = text_of(path).with_context(|| format!("cannot read the configuration {}", path.display()))?;
         let config = Self::parse(&text).with_context(|| format!("{} is not a configuration", path.display()))?;
         Ok((config, text))
     }

@@ -1,6 +1,5 @@
 //! The reference of a run, and whether it was recorded and analysed like the taps of the run.
 
-use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -9,6 +8,8 @@ use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
 use tapline_process::ProcessConfig;
 use tapline_store::Reader;
 use tapline_wire::{Channel, Plan, Recording};
+
+use crate::config::text_of;
 
 /// A reference as it was read.
 #[derive(Debug)]
@@ -20,7 +21,7 @@ pub(crate) struct ReferenceFile {
 impl ReferenceFile {
     /// Reads the reference at `path`.
     pub(crate) fn read(path: &Path) -> Result<Self> {
-        let text = fs::read_to_string(path).with_context(|| format!("cannot read the reference {}", path.display()))?;
+        let text = text_of(path).with_context(|| format!("cannot read the reference {}", path.display()))?;
         Self::of(text).with_context(|| format!("cannot use the reference {}", path.display()))
     }
 

@@ -52,6 +52,8 @@ impl Unreported {
         let path = places.unreported_folder().join(self.id());
         let draft = path.with_extension(DRAFT);
         let write = || -> std::io::Result<()> {
+            // Somebody may have removed it.
+            fs::create_dir_all(places.unreported_folder())?;
             let mut file = File::create(&draft)?;
             file.write_all(&serde_json::to_vec(self)?)?;
             file.sync_all()?;
