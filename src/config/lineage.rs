@@ -39,7 +39,7 @@ pub(crate) fn made_by(config: &Config) -> Result<String> {
     let mut config = config.clone();
     // A reference file counts by its content, which the key of a lineage has beside these lines, and not by where it is.
     if let Some(Reference::File(path)) = &mut config.fuse.reference {
-        *path = PathBuf::from("file");
+        *path = PathBuf::from("a file");
     }
     let made_by = MadeBy { program: env!("CARGO_PKG_VERSION"), sources: SOURCES.into_iter().collect(), config };
     let mut table = toml::Table::try_from(made_by).context("the options do not fit TOML")?;
@@ -163,7 +163,7 @@ mod tests {
     /// Catches an option whose change leaves the key as it was.
     #[test]
     fn every_option_is_in_the_key() {
-        let reference = tapline_fuse::Reference::Own;
+        let reference = Reference::Own;
         let mut config = Config::default();
         config.fuse.reference = Some(reference);
         let key = |config: &Config| tapline_store::lineage_key(&[7; 32], &made_by(config).unwrap(), None);

@@ -252,10 +252,11 @@ impl fmt::Display for Explanation {
             Some(digest) => writeln!(f, "reference  a file with the digest {digest}")?,
             None => {
                 let named = self.options.iter().find(|option| option.key == "fuse.reference");
+                let named = named.map_or("none", |option| option.value.trim_matches('"'));
                 writeln!(
                     f,
-                    "reference  {}, not from a file",
-                    named.map_or("none", |option| option.value.trim_matches('"'))
+                    "reference  {named}{}",
+                    if named == "a file" { " that cannot be read" } else { ", not from a file" }
                 )?;
             }
         }

@@ -163,9 +163,9 @@ fn entries(folder: &Path) -> Result<Vec<DirEntry>> {
     fs::read_dir(folder).context("read", folder)?.collect::<std::io::Result<_>>().context("read", folder)
 }
 
-/// Whether `path` has an archive's ending and is a plain file or a link to one. A link to nothing counts: whoever reads it says so.
+/// Whether `path` has an archive's ending and is a plain file or a link to one.
 fn is_archive(path: &Path) -> bool {
-    path.extension().is_some_and(|ending| ending == ENDING) && path.metadata().map_or(true, |there| there.is_file())
+    path.extension().is_some_and(|ending| ending == ENDING) && path.metadata().is_ok_and(|there| there.is_file())
 }
 
 /// The archive that a file of results belongs to: `NAME.h5` for `NAME.0123456789ab.h5`; `None` for another name.

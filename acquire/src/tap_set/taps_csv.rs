@@ -175,10 +175,12 @@ fn refuse_turning_angles(file: &Path, rows: &[TapRow]) -> Result<(), Error> {
     }
     for shoulder in shoulders.values() {
         let mut around_deg = 0.0;
-        for ((before, (from_deg, _)), (_, (to_deg, line))) in shoulder.iter().zip(shoulder.iter().skip(1)) {
-            let step_deg = (to_deg - from_deg).rem_euclid(360.0);
-            around_deg += step_deg;
-            if around_deg > 360.0 || step_deg <= 0.0 {
+        let last = shoulder.keys().next_back();
+        for ((before, (from_deg, _)), (location, (to_deg, line))) in shoulder.iter().zip(shoulder.iter().skip(1)) {
+            around_deg += (to_deg - from_deg).rem_euclid(360.0);
+            // Rounded angles of neighbours may be the same, but not all of them.
+            let is_all_same = Some(location) == last && around_deg <= 0.0;
+            if around_deg > 360.0 || is_all_same {
                 return Err(Error::Cell {
                     file: file.to_owned(),
                     line: *line,
@@ -252,13 +254,14 @@ mod tests {
         let rows = |angles: &[f64]| -> String {
             (0..).zip(angles).map(|(k, angle)| format!("{k}.wav,T,1,0,1,{k},{angle},0\n")).collect()
         };
-        for good in [&[0.0, 90.0, 180.0, 270.0][..], &[300.0, 350.0, 20.0, 290.0], &[359.0, 1.0]] {
+        for good in [&[0.0, 90.0, 180.0, 270.0][..], &[300.0, 350.0, 20.0, 290.0], &[359.0, 1.0], &[0.0, 1.0, 1.0, 2.0]]
+        {
             assert_eq!(ring(&rows(good)).len(), good.len());
         }
         for (bad, line, before) in [
             (&[0.0, 270.0, 180.0, 90.0][..], 4, "270, that of location 1"),
             (&[0.0, 30.0, 355.0, 90.0, 120.0], 5, "355, that of location 2"),
-            (&[5.0, 5.0, 5.0], 3, "5, that of location 0"),
+            (&[5.0, 5.0, 5.0], 4, "5, that of location 1"),
         ] {
             let error = parsed(Geometry::Ring, &rows(bad)).unwrap_err().to_string();
             let wanted = [format!("taps.csv line {line}: angle_deg is "), format!("clockwise of {before}")];

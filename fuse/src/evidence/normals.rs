@@ -8,10 +8,12 @@ use rand_distr::{Distribution as _, StandardNormal};
 
 use crate::evidence::Columns;
 
-/// After so many values the first one comes again: as many as rings of 100 places at four offsets take.
-const COUNT: usize = 1 << 18;
+/// After so many values the first one comes again: as many as rings of 100 places at four offsets take. A prime number, so that rings of
+/// any other length do not repeat with it.
+const COUNT: usize = 262_147;
 
-/// Of the first 16, the one by which the limits of a casing by itself come nearest those of 4096 rings, with one offset and with four.
+/// Of the first 16, the one by which the limits of a casing of 100 places by itself come nearest those of 4096 rings, with one offset and
+/// with four.
 const SEED: u64 = 15;
 
 /// Drawn once: each casing that is its own reference takes as many anew.

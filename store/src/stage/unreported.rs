@@ -49,11 +49,15 @@ impl Unreported {
 
     /// Writes it; it survives a power cut.
     pub(super) fn write(&self, places: &Places) -> Result<()> {
-        let path = places.unreported_folder().join(self.id());
+        let folder = places.unreported_folder();
+        // Somebody may have removed it.
+        if !folder.exists() {
+            fs::create_dir_all(&folder).context("create", &folder)?;
+            sync_folder_of(&folder)?;
+        }
+        let path = folder.join(self.id());
         let draft = path.with_extension(DRAFT);
         let write = || -> std::io::Result<()> {
-            // Somebody may have removed it.
-            fs::create_dir_all(places.unreported_folder())?;
             let mut file = File::create(&draft)?;
             file.write_all(&serde_json::to_vec(self)?)?;
             file.sync_all()?;

@@ -199,7 +199,7 @@ mod tests {
 
     #[test]
     fn noise_scatters_as_it_is_told() {
-        // Catches a factor of another matrix, and a 0 that is taken for a score where one discriminator does not count.
+        // Catches a factor of another matrix, and one that a discriminator that does not count has a part in.
         let root = Mat::from_fn(3, 3, |i, j| [[0.9, -0.3, 0.2], [0.1, 0.8, -0.5], [0.4, 0.2, 0.7]][i][j]);
         let matrix = root.transpose() * &root;
         let scatter = Scatter::new(&Mat::from_fn(4, 4, |i, j| if i < 3 && j < 3 { matrix[(i, j)] } else { 0.0 }));

@@ -72,7 +72,7 @@ impl Scatter {
     }
 
     /// The scatter of those that `scores` have.
-    fn there(&self, scores: &Vector) -> Cow<'_, Self> {
+    pub(crate) fn there(&self, scores: &Vector) -> Cow<'_, Self> {
         let is_there = |d: usize| scores[d].is_finite();
         if self.used().all(is_there) {
             return Cow::Borrowed(self);
