@@ -316,17 +316,17 @@ mod tests {
             by_offset: widths.iter().enumerate().map(|(offset, &width)| scores(offset, width)).collect(),
             ..Scores::default()
         };
-        let limit = |reference: &[Scores], pattern: &Scores| {
+        let limit = |reference: &Scores, pattern: &Scores| {
             let offsets = (0..pattern.by_offset.len()).collect();
-            let reference: Vec<_> = reference.iter().map(|scores| (&ring, scores.clone())).collect();
-            let white = strongest_arcs(&ArcStatistic::fit(offsets, &reference, false), &ring, pattern, 60).unwrap();
+            let statistic = ArcStatistic::fit(offsets, &[(&ring, reference.clone())], false);
+            let white = strongest_arcs(&statistic, &ring, pattern, 60).unwrap();
             (white.width, white.median)
         };
         let (three, two) = (of(&[3]), of(&[2]));
-        let [all, lacking] = [&three, &two].map(|pattern| limit(&[three.clone()], pattern));
+        let [all, lacking] = [&three, &two].map(|pattern| limit(&three, pattern));
         assert!(all.0 == 3 && lacking.0 == 2 && lacking.1 < all.1, "{all:?} {lacking:?}");
         let (deep, shallow) = (of(&[1, 2]), of(&[1, 1]));
-        let found = [&deep, &shallow].map(|scores| limit(&[scores.clone()], scores));
+        let found = [&deep, &shallow].map(|scores| limit(scores, scores));
         assert!(found[0].0 == 1 && (found[0].1 - found[1].1).abs() < 0.2, "{found:?}");
     }
 
