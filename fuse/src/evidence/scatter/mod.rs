@@ -138,25 +138,28 @@ impl Scatter {
     /// `scores` as values that are independent on sound places, each of variance 1. The length of those of a place is not less than its
     /// evidence, but for the rounding.
     pub(crate) fn whitened(&self, scores: &Columns) -> Columns {
-        self.product(&self.whitening, scores)
+        self.product(&self.whitening, |k| &scores[self.used[k]])
     }
 
-    /// The scores that scatter so, of independent values of variance 1.
+    /// The scores that scatter so, of independent values of variance 1: one of `white` for each discriminator that varies, so that another
+    /// one changes nothing.
     pub(crate) fn coloured(&self, white: &Columns) -> Columns {
-        self.product(&self.factor, white)
+        self.product(&self.factor, |k| &white[k])
     }
 
-    /// The product of a `triangle` with the values of each place; 0 of what does not count.
-    fn product(&self, triangle: &Square, values: &Columns) -> Columns {
-        let of = |d: usize| {
-            let mut product = vec![0.0; values[d].len()];
-            for &k in self.used.iter().filter(|&&k| k <= d) {
-                let part = triangle[k][d] as f32;
-                product.iter_mut().zip(&values[k]).for_each(|(product, value)| *product += part * value);
+    /// The product of a `triangle` with the values of each place, of which `values` has one for each discriminator that varies; 0 of the
+    /// others.
+    fn product<'a>(&self, triangle: &Square, values: impl Fn(usize) -> &'a Vec<f32>) -> Columns {
+        let mut products = Columns::default();
+        let place_count = if self.used.is_empty() { 0 } else { values(0).len() };
+        products.iter_mut().for_each(|product| product.resize(place_count, 0.0));
+        for (number, &d) in self.used.iter().enumerate() {
+            for (k, &of_k) in self.used[..=number].iter().enumerate() {
+                let part = triangle[of_k][d] as f32;
+                products[d].iter_mut().zip(values(k)).for_each(|(product, value)| *product += part * value);
             }
-            product
-        };
-        std::array::from_fn(of)
+        }
+        products
     }
 
     /// What [`Self::evidence_apart`] of scores that scatter so exceeds with probability `rate`; 0 where nothing varies.
