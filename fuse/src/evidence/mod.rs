@@ -18,7 +18,7 @@ use std::sync::LazyLock;
 
 use tapline_wire::Discriminator;
 
-pub(crate) use normals::Normals;
+pub(crate) use normals::{Normals, STRATIFIED};
 pub(crate) use scatter::Scatter;
 
 /// One score a discriminator, in the order in which they are configured; NaN where it is absent, and beyond the last one.
