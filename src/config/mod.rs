@@ -107,7 +107,7 @@ impl LineConfig {
 /// Largest configuration or reference that is read.
 const TEXT_BYTES_MAX: u64 = 1 << 28;
 
-/// The text of the file at `path`, without the byte-order mark that some editors put before it.
+/// The text of the file at `path`, which may be a pipe, without the byte-order mark that some editors put before it.
 fn text_of(path: &Path) -> Result<String> {
     let mut text = String::new();
     let read = fs::File::open(path)?.take(TEXT_BYTES_MAX + 1).read_to_string(&mut text)?;

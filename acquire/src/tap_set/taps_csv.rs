@@ -248,7 +248,8 @@ mod tests {
         parsed(Geometry::Ring, rows).unwrap()
     }
 
-    /// Catches locations that are numbered anticlockwise, an angle that all have, one that lies elsewhere, and rings that begin anywhere and are refused.
+    /// Catches locations that are numbered anticlockwise, an angle that all have, one that lies elsewhere, and rings that begin anywhere
+    /// and are refused.
     #[test]
     fn angles_go_around_once() {
         let rows = |angles: &[f64]| -> String {

@@ -85,6 +85,19 @@ fn folders_that_were_removed_are_made_again() {
     assert_eq!((names_in(&dir, "done"), names_in(&dir, "failed")), (vec!["a".to_owned()], vec!["b".to_owned()]));
 }
 
+/// Catches a station that waits for ever for somebody to write into a pipe that lies in the place of a recording.
+#[test]
+fn a_pipe_is_no_recording() {
+    let (dir, mut folder) = watched();
+    let set = dir.path().join("inbox/a");
+    let rows = [0, 1].map(|location| format!("{location}.wav,A,1,0,1.5,{location},{location},0"));
+    set_of(&set, &rows, SCAN);
+    let recording = set.join("1.wav");
+    fs::remove_file(&recording).unwrap();
+    assert!(std::process::Command::new("mkfifo").arg(&recording).status().unwrap().success());
+    assert_eq!(next(&mut folder).as_deref(), Some("A"));
+}
+
 /// Catches a set that belongs to another user and is taken for one whose tables are still to come.
 #[test]
 fn a_set_that_may_not_be_read_is_an_alarm() {

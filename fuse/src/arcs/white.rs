@@ -9,8 +9,8 @@ use crate::index::Scores;
 use crate::shoulder::ring::Ring;
 use crate::stats::{mean_and_sd, median};
 
-/// How many rings are drawn. The opposite of each counts as another ring. Against 4096 rings, the limits of a casing of 100
-/// places by itself are then off by 0.5 % with one offset and with four. With another seed it is 1 % and 2 %, as with another number of places.
+/// How many rings are drawn. The opposite of each counts as another ring. Against 4096 rings, the limits of a casing of 100 places by itself
+/// are off by 0.5 % with one offset and with four. With another seed or number of places, 1 % and 2 % are usual.
 const RING_COUNT: usize = 64;
 
 /// What the rounding of sums in single precision may take from a bound, as a part of its square.
@@ -144,8 +144,8 @@ impl Arcs {
         Self { place_count, inverse_counts }
     }
 
-    /// Raises `most` to the evidence of the strongest arc of `map`, and to that of the opposite of `map`, where the scores of a place scatter
-    /// as `scatter` says; 0 of a place without a value.
+    /// Raises `most` to the evidence of the strongest arc of `map`, and to that of the opposite of `map`. The scores of a place scatter as
+    /// `scatter` says, and are 0 where it has no value.
     ///
     /// As arcs of every length scatter alike, the length of a sum of whitened scores is the most that the arc, or the opposite one, can
     /// show: only the longest few are looked at.
@@ -323,8 +323,8 @@ mod tests {
             (white.width, white.median)
         };
         let (three, two) = (of(&[3]), of(&[2]));
-        let [all, lacking] = [&three, &two].map(|pattern| limit(&three, pattern));
-        assert!(all.0 == 3 && lacking.0 == 2 && lacking.1 < all.1, "{all:?} {lacking:?}");
+        let [of_three, of_two] = [&three, &two].map(|pattern| limit(&three, pattern));
+        assert!(of_three.0 == 3 && of_two.0 == 2 && of_two.1 < of_three.1, "{of_three:?} {of_two:?}");
         let (deep, shallow) = (of(&[1, 2]), of(&[1, 1]));
         let found = [&deep, &shallow].map(|scores| limit(scores, scores));
         assert!(found[0].0 == 1 && (found[0].1 - found[1].1).abs() < 0.2, "{found:?}");

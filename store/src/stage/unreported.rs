@@ -85,3 +85,18 @@ impl Unreported {
 pub fn casing_id(number: u64) -> String {
     format!("{number:016x}")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_that_was_removed_is_made_again() {
+        // Catches stations that wait for ever for the verdict: no casing is finished without its note.
+        let out = tempfile::tempdir().unwrap();
+        let places = Places::new(out.path(), true);
+        let note = Unreported { number: 7, name: "A".to_owned(), station: 1, at_ns: 2, file: "A.h5".into() };
+        note.write(&places).unwrap();
+        assert_eq!(Unreported::read(&places.unreported_folder().join(note.id())).unwrap(), note);
+    }
+}

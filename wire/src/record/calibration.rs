@@ -35,7 +35,7 @@ impl Unit {
 
     /// How many newtons, volts or pascals a recording's unit `name` is; `None` if `channel` has no such unit.
     ///
-    /// Capitals count only where they tell milli from mega.
+    /// Capitals count only in M and m: mega is not milli.
     pub fn of_recording(channel: Channel, name: &str) -> Option<(f64, Self)> {
         use crate::Channel::{Force, Sound};
         let name = name.trim();
