@@ -25,7 +25,7 @@ use tapline_host::atomic_file::check_folder;
 use tapline_host::messages::print_failure;
 use tapline_host::signals::end_on_signals;
 use tapline_host::stdout::Stdout;
-use tapline_host::{generated, log};
+use tapline_host::{generated, log, stderr};
 use tapline_store::RunError;
 use tracing::level_filters::LevelFilter;
 
@@ -45,10 +45,17 @@ fn main() -> ExitCode {
     if makes_files(&cli.verb) {
         tapline_host::stdout::drop_unread();
     }
-    match begin(&cli.verb).and_then(|()| dispatch(&cli.verb)) {
+    let code = exit_code(&cli.verb);
+    stderr::flush();
+    code
+}
+
+/// Runs `verb`, prints why it has failed if it has, and returns the exit code.
+fn exit_code(verb: &Verb) -> ExitCode {
+    match begin(verb).and_then(|()| dispatch(verb)) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(INCOMPLETE),
-        Err(_) if tapline_host::stdout::fault() == Some(ErrorKind::BrokenPipe) && is_done_unread(&cli.verb) => {
+        Err(_) if tapline_host::stdout::fault() == Some(ErrorKind::BrokenPipe) && is_done_unread(verb) => {
             ExitCode::SUCCESS
         }
         Err(error) => {
@@ -105,6 +112,9 @@ fn begin(verb: &Verb) -> anyhow::Result<()> {
         .context("cannot listen for signals")?;
     if !ends_in_order(verb) {
         end_on_signals().context("cannot listen for signals")?;
+    }
+    if matches!(verb, Verb::Line(_) | Verb::Stage(_)) {
+        stderr::never_wait().context("cannot start the thread log")?;
     }
     Ok(())
 }

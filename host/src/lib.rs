@@ -12,5 +12,6 @@ pub mod messages;
 pub mod progress;
 pub mod signals;
 pub mod similar;
+pub mod stderr;
 pub mod stdout;
 pub mod table;

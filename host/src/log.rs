@@ -10,6 +10,7 @@ use tracing_subscriber::util::SubscriberInitExt as _;
 
 use crate::arguments::{LogArgs, LogFormat};
 use crate::colour;
+use crate::stderr::Stderr;
 
 /// How this process was asked to log; the stages of a line are started with the same arguments.
 static ASKED: OnceLock<LogArgs> = OnceLock::new();
@@ -24,7 +25,7 @@ pub fn start(args: LogArgs, level: Option<LevelFilter>) {
     let level = level.unwrap_or_else(|| args.level());
     let filter = std::env::var("TAPLINE_LOG").ok().and_then(|text| text.parse::<Targets>().ok());
     let log = tracing_subscriber::fmt::layer()
-        .with_writer(std::io::stderr)
+        .with_writer(|| Stderr)
         .with_target(false)
         // If the log cannot be written, it would panic in the middle of a scan.
         .log_internal_errors(false);

@@ -6,11 +6,12 @@ use std::io::Write as _;
 use crate::arguments::LogFormat;
 use crate::log::{self, SAID};
 use crate::similar::meant_instead;
+use crate::stderr::Stderr;
 
 /// Writes `text` and a newline.
 pub fn print_line(text: &str) {
     // If standard error is closed or full, nothing can be done about it.
-    drop(writeln!(std::io::stderr(), "{text}"));
+    drop(Stderr.write_all(format!("{text}\n").as_bytes()));
 }
 
 /// `count` and the noun: `one` for 1, else the plural `more`.

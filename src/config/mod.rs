@@ -132,9 +132,6 @@ impl Config {
     }
 
     /// Checks the values of the tables against their bounds.
-    ///
-    /// # Errors
-    /// The first key that is out of bounds.
     pub(crate) fn validate(&self) -> Result<()> {
         // The number of stations may also come from `--stations`, or from the tables of a line.
         self.scan.for_line().validate()?;

@@ -7,9 +7,6 @@ use tapline_acquire::toml_in_words;
 use toml::{Table, Value};
 
 /// Reads the TOML `text`.
-///
-/// # Errors
-/// What is wrong, and where.
 pub(super) fn parse<T: DeserializeOwned + Serialize + Default>(text: &str) -> Result<T> {
     if let (Ok(given), Ok(known)) = (toml::from_str(text), Table::try_from(T::default())) {
         check_shapes("", &given, &known)?;

@@ -32,9 +32,6 @@ pub(crate) struct ReportConfig {
 
 impl ReportConfig {
     /// Checks every value against its bounds.
-    ///
-    /// # Errors
-    /// The first value that is out of bounds.
     pub(crate) fn validate(&self) -> Result<()> {
         for (key, text) in [
             ("plant", &self.plant),

@@ -29,7 +29,7 @@ use crate::line::setup::{Arriving, Setup, absolute};
 use crate::line::summary::summarise;
 use crate::line::supervisor::{Audience, Pace, ShowStatus, Supervisor};
 use crate::shown::verdict::Form;
-use crate::wires::Wires;
+use crate::wires::{Receiver, Wires};
 
 /// How long stages of an earlier line may take to end: a little more than any stage.
 const GONE_WITHIN: Duration = Duration::from_secs(25);
@@ -125,13 +125,14 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     }
     shown_at.iter().for_each(|address| progress.print(&format!("the line is shown at {address}")));
     folder.make_unreported()?;
-    let (wires, said) = Wires::start(&job.config.line, &setup.limits.stations, &setup.places())?;
-    said.iter().for_each(|text| progress.print(text));
     let form = if args.json { Form::Json } else { Form::Full };
+    let (wires, said) = Wires::start(&job.config.line, &setup.limits.stations, &setup.places(), form)?;
+    said.iter().for_each(|text| progress.print(text));
     let audience = Audience { progress, wires: Some(wires), form, show };
     let pace = operate(&setup, &mut folder, audience, args.casings.map(|count| count as usize), stop)?;
     say_how_it_ended(&pace);
-    Ok(pace.left_out.is_empty())
+    let is_printed = pace.waiting.iter().all(|(receiver, _)| receiver != Receiver::Print.name());
+    Ok(is_printed && pace.left_out.is_empty())
 }
 
 /// Says what is still to be done, and what was left out.

@@ -7,7 +7,8 @@
 //! - here: starts all of them, passes them the line's state, and ends them
 //! - `outbox`: which verdicts are still to be reported to whom
 //! - `now`: the current state of each station
-//! - `on_verdict`: the command
+//! - `print`, `on_verdict`: standard output, and the command
+//! - `reporter`: their thread
 //! - `mqtt`, `opcua`, `modbus`: the wires
 //! - `wire`: a wire's thread
 
@@ -21,45 +22,56 @@ mod on_verdict;
 #[cfg(feature = "plant")]
 mod opcua;
 mod outbox;
+mod print;
+mod reporter;
 #[cfg(feature = "plant")]
 mod wire;
 
 use std::sync::Arc;
 
 use anyhow::Result;
-use tapline_store::{Places, Unreported};
+use tapline_store::Places;
 
 use crate::cli::built_without;
 use crate::config::LineConfig;
 use crate::shown::status::ReceiverStatus;
+use crate::shown::verdict::Form;
 use crate::wires::now::Now;
-use crate::wires::on_verdict::VerdictCommand;
-use crate::wires::outbox::{Outbox, Receiver};
+use crate::wires::outbox::Outbox;
+pub(crate) use crate::wires::outbox::Receiver;
+use crate::wires::reporter::Reporter;
 
 /// All receivers of verdicts. When dropped, first reports waiting verdicts, for a while; the rest after the next start.
 pub(crate) struct Wires {
     pub outbox: Arc<Outbox>,
     pub now: Arc<Now>,
-    // Only held: both end when they are dropped.
-    _command: Option<VerdictCommand>,
+    // Only held: they end when they are dropped.
+    _command: Option<Reporter>,
+    _print: Reporter,
     #[cfg(feature = "plant")]
     _wires: Vec<wire::Wire>,
 }
 
 impl Wires {
-    /// Starts what `config` names, for a line with these stations and files; also returns the addresses, for people.
-    pub(crate) fn start(config: &LineConfig, stations: &[u16], places: &Places) -> Result<(Self, Vec<String>)> {
+    /// Starts what `config` names, for a line with these stations and files, which prints verdicts in this `form`; also returns the
+    /// addresses, for people.
+    pub(crate) fn start(
+        config: &LineConfig,
+        stations: &[u16],
+        places: &Places,
+        form: Form,
+    ) -> Result<(Self, Vec<String>)> {
         let is_there = [
-            (Receiver::Print, true),
             (Receiver::Command, config.on_verdict.is_some()),
             (Receiver::Mqtt, config.mqtt.is_some()),
             (Receiver::OpcUa, config.opcua.is_some()),
             (Receiver::Modbus, config.modbus.is_some()),
+            (Receiver::Print, true),
         ];
         let outbox =
             Outbox::open(places, is_there.iter().filter(|(_, is_so)| *is_so).map(|&(receiver, _)| receiver).collect())?;
-        let command =
-            config.on_verdict.as_deref().map(|command| VerdictCommand::start(command, &outbox)).transpose()?;
+        let command = config.on_verdict.as_deref().map(|command| on_verdict::start(command, &outbox)).transpose()?;
+        let print = print::start(form, &outbox)?;
         let now = Arc::new(Now::new(stations));
         #[cfg(feature = "plant")]
         let (wires, said) = {
@@ -72,20 +84,11 @@ impl Wires {
             outbox,
             now,
             _command: command,
+            _print: print,
             #[cfg(feature = "plant")]
             _wires: wires,
         };
         Ok((started, said))
-    }
-
-    /// The oldest verdict that an earlier line has not printed.
-    pub(crate) fn next_unprinted(&self) -> Option<Unreported> {
-        self.outbox.next(Receiver::Print, None)
-    }
-
-    /// Notes that a verdict was printed.
-    pub(crate) fn printed(&self, number: u64) {
-        self.outbox.acknowledge(Receiver::Print, number);
     }
 
     /// Ends all of them, after reporting the last verdicts, for a while; returns the state of each.

@@ -141,3 +141,42 @@ impl Now {
         self.state().latest.clone().filter(|_| is_alive)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use tapline_wire::Verdict;
+
+    use super::*;
+
+    /// Catches a verdict that stands, and a station that counts as ready, while the line hangs or after it has ended.
+    #[test]
+    fn a_line_that_hangs_says_nothing() {
+        let now = Now::new(&[1]);
+        assert_eq!(now.at(1), (StationState::NoSignal, 0));
+        let shown = [StationStatus { number: 1, ..StationStatus::default() }];
+        let verdict = CasingVerdict {
+            kind: "verdict".to_owned(),
+            id: String::new(),
+            at_ns: 0,
+            casing: "A".to_owned(),
+            station: 1,
+            verdict: Verdict::Pass,
+            shoulders: Vec::new(),
+            archived: 0,
+            refused: 0,
+            missing: 0,
+            file: PathBuf::new(),
+        };
+        now.show(&shown);
+        now.judged(&verdict, false);
+        assert_eq!(now.at(1), (StationState::Judged(Arc::new(verdict)), 1));
+        now.state().at = Instant::now().checked_sub(SILENT_AFTER);
+        assert_eq!((now.at(1), now.latest()), ((StationState::NoSignal, 0), None));
+        now.show(&shown);
+        assert!(matches!(now.at(1), (StationState::Judged(_), 1)));
+        now.end();
+        assert_eq!((now.at(1), now.latest()), ((StationState::NoSignal, 0), None));
+    }
+}

@@ -71,6 +71,8 @@ struct Waiting {
     file_name: String,
     /// Who is still to acknowledge it.
     owed: Vec<Receiver>,
+    /// Whether the line has taken it up: counted and shown it. It is not printed before.
+    is_taken_up: bool,
     /// Whether its file could not be read: it waits for the next start of the line.
     is_unreadable: bool,
 }
@@ -112,7 +114,7 @@ impl Outbox {
                 }
             };
             match outbox.file_of(&note).exists() {
-                true => outbox.add(note, &acknowledged),
+                true => outbox.add(note, &acknowledged, false),
                 false => outbox.state().unnamed.push(note),
             }
         }
@@ -143,7 +145,7 @@ impl Outbox {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn add(&self, note: Unreported, acknowledged: &[String]) {
+    fn add(&self, note: Unreported, acknowledged: &[String], is_taken_up: bool) {
         let mut file_name = note.id();
         acknowledged.iter().for_each(|name| file_name = format!("{file_name}.{name}"));
         let is_owed = |receiver: &&Receiver| acknowledged.iter().all(|name| name != receiver.name());
@@ -163,14 +165,17 @@ impl Outbox {
             return;
         }
         let key = (note.at_ns, note.number);
-        state.waiting.insert(key, Waiting { note, file_name, owed, is_unreadable: false });
+        // One that an earlier line has printed was taken up by it.
+        let is_taken_up = is_taken_up || !owed.contains(&Receiver::Print);
+        state.waiting.insert(key, Waiting { note, file_name, owed, is_taken_up, is_unreadable: false });
         state.wakes.iter().for_each(|wake| wake());
     }
 
-    /// Takes up the casing `number`, whose file has its name now. `None` if it was reported before.
+    /// Takes up the casing `number`, whose file has its name now. `None` if it was taken up before.
     pub(crate) fn take_up(&self, number: u64) -> Result<Option<Unreported>> {
-        if let Some(waiting) = self.state().waiting.values().find(|waiting| waiting.note.number == number) {
-            return Ok(Some(waiting.note.clone()).filter(|_| waiting.owed.contains(&Receiver::Print)));
+        if self.state().waiting.values().any(|waiting| waiting.note.number == number) {
+            // One that waited when the line was started is taken up by then.
+            return Ok(None);
         }
         let path = self.places.unreported_folder().join(casing_id(number));
         if !path.try_exists().with_context(|| format!("cannot look for {}", path.display()))? {
@@ -178,8 +183,18 @@ impl Outbox {
         }
         let note = Unreported::read(&path)?;
         self.state().unnamed.retain(|unnamed| unnamed.number != number);
-        self.add(note.clone(), &[]);
+        self.add(note.clone(), &[], true);
         Ok(Some(note))
+    }
+
+    /// Takes up the oldest verdict that an earlier line has not printed.
+    pub(crate) fn take_up_left(&self) -> Option<Unreported> {
+        let mut state = self.state();
+        let left = state.waiting.values_mut().find(|waiting| !waiting.is_taken_up)?;
+        left.is_taken_up = true;
+        let note = left.note.clone();
+        state.wakes.iter().for_each(|wake| wake());
+        Some(note)
     }
 
     /// The oldest verdict that `receiver` is to be sent; of one station, if it asks for one.
@@ -299,7 +314,7 @@ impl Outbox {
         std::mem::take(&mut self.state().alarms)
     }
 
-    /// The state of each receiver except standard output.
+    /// The state of each receiver.
     pub(crate) fn statuses(&self) -> Vec<ReceiverStatus> {
         let state = self.state();
         let now_ns = now_ns();
@@ -317,7 +332,7 @@ impl Outbox {
                 state.troubles.iter().find(|((of, _), _)| *of == receiver).map(|(_, text)| text.clone()).or(late);
             ReceiverStatus { name: receiver.name().to_owned(), waiting: count as u64, trouble }
         };
-        self.receivers.iter().filter(|receiver| **receiver != Receiver::Print).map(|&receiver| of(receiver)).collect()
+        self.receivers.iter().map(|&receiver| of(receiver)).collect()
     }
 
     /// What cannot be reported.
@@ -339,7 +354,11 @@ impl Outbox {
 impl State {
     /// The verdicts that `receiver` is to be sent, the oldest first.
     fn owed(&self, receiver: Receiver) -> impl Iterator<Item = &Waiting> {
-        self.waiting.values().filter(move |waiting| !waiting.is_unreadable && waiting.owed.contains(&receiver))
+        let is_due = move |waiting: &&Waiting| receiver != Receiver::Print || waiting.is_taken_up;
+        self.waiting
+            .values()
+            .filter(is_due)
+            .filter(move |waiting| !waiting.is_unreadable && waiting.owed.contains(&receiver))
     }
 
     fn alarm(&mut self, text: String) {

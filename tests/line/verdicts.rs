@@ -2,14 +2,16 @@
 
 use std::collections::BTreeSet;
 use std::fs;
+use std::io::{PipeReader, PipeWriter, Write as _, pipe};
 
+use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::process::Signal;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::line::{all_finished, slow_plant};
 use crate::sandbox::Sandbox;
 use crate::sandbox::running::{Running, lines_of, until};
-use crate::sandbox::stages::signal;
+use crate::sandbox::stages::{kill, signal, stage};
 
 /// Catches a command that is run twice for a casing, or not at all, or without its data; and a command that fails and
 /// ends something.
@@ -103,4 +105,37 @@ fn a_line_whose_reader_has_gone_goes_on() {
     let printed: BTreeSet<String> = line.verdicts(4).iter().map(of).collect();
     assert_eq!(printed.into_iter().collect::<Vec<_>>(), ["S1-1", "S1-2", "S2-1", "S2-2"]);
     line.interrupt();
+}
+
+/// Catches a line that waits until somebody reads what it prints or logs, and verdicts that are lost then.
+#[test]
+fn a_line_goes_on_while_nobody_reads() {
+    let sandbox = Sandbox::new();
+    slow_plant(&sandbox, 2, 200.0, "");
+    let [(unread, out), (unread_log, log)] = [full_pipe(), full_pipe()];
+    let arguments = "line --config plant.toml --out out --json -vv";
+    let mut child = sandbox.command(arguments).stdout(out).stderr(log).spawn().unwrap();
+    until("the line runs", || sandbox.run("status --out out --json").code == Some(0));
+    kill(stage(&child, "fuse"), "fuse");
+    until("all casings have their files", || all_finished(&sandbox.path("out")).len() == 4);
+    let waiting = json!({ "name": "print", "waiting": 4, "trouble": null });
+    until("they wait to be printed", || sandbox.run("status --out out --json").json(0)["receivers"][0] == waiting);
+    signal(i32::try_from(child.id()).unwrap(), Signal::INT);
+    assert_eq!(child.wait().unwrap().code(), Some(3));
+    drop((unread, unread_log));
+    let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json");
+    line.verdicts(4);
+    line.interrupt().expect(0);
+}
+
+/// A pipe into which nothing more goes.
+fn full_pipe() -> (PipeReader, PipeWriter) {
+    let (read, mut write) = pipe().unwrap();
+    let flags = fcntl_getfl(&write).unwrap();
+    fcntl_setfl(&write, flags | OFlags::NONBLOCK).unwrap();
+    for line in [[b'\n'; 4096].as_slice(), b"\n"] {
+        while write.write(line).is_ok() {}
+    }
+    fcntl_setfl(&write, flags).unwrap();
+    (read, write)
 }

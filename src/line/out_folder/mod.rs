@@ -90,10 +90,7 @@ impl OutFolder {
         self.path.join(OPEN_FOLDER)
     }
 
-    /// Clears away what a killed line left, waiting up to `patience` for its stages to end.
-    ///
-    /// # Errors
-    /// If they still run.
+    /// Clears away what a killed line left, waiting up to `patience` for its stages to end; fails if they still run.
     pub(crate) fn clear_left(&mut self, patience: Duration) -> Result<()> {
         let Some(address) = &self.left else { return Ok(()) };
         let since = Instant::now();
@@ -121,9 +118,6 @@ impl OutFolder {
     }
 
     /// Records the address of the line that holds the folder. To be called before any stage starts.
-    ///
-    /// # Errors
-    /// An error of the system.
     pub(crate) fn enter(&mut self, address: &LineAddress) -> Result<()> {
         self.entry.folder = Some(address.root().to_owned());
         self.entry.left = None;

@@ -1,9 +1,9 @@
-//! What happens when the file of a casing is closed: its verdict is printed, handed to the wires, and shown.
+//! What happens when the file of a casing is closed: its verdict is handed to the wires, or printed, and shown.
 
 use std::cmp::Reverse;
 use std::collections::BTreeSet;
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::Result;
 use tapline_host::atomic_file::{Existing, write_atomically};
@@ -79,20 +79,18 @@ impl Supervisor<'_> {
         match self.audience.wires.as_ref()?.outbox.take_up(unreported.number) {
             Ok(note) => note,
             Err(error) => {
-                tracing::error!(casing = unreported.name, "its verdict is only printed: {error:#}");
-                self.alarm(format!("casing {}: its verdict is only printed: {error:#}", unreported.name));
+                tracing::error!(casing = unreported.name, "its verdict is only shown: {error:#}");
+                self.alarm(format!("casing {}: its verdict is only shown: {error:#}", unreported.name));
                 Some(unreported)
             }
         }
     }
 
-    /// Reports the verdicts that an earlier line could not print, as far as it is possible now.
+    /// Reports the verdicts that an earlier line could not print.
     pub(super) fn report_left(&mut self) {
-        while let Some(note) = self.audience.wires.as_ref().and_then(|wires| wires.next_unprinted()) {
+        while let Some(note) = self.audience.wires.as_ref().and_then(|wires| wires.outbox.take_up_left()) {
             self.pace.closed += 1;
-            if !self.report(&note, false) {
-                return;
-            }
+            self.report(&note, false);
         }
     }
 
@@ -112,15 +110,14 @@ impl Supervisor<'_> {
         self.shown.verdicts.truncate(SHOWN_MAX);
     }
 
-    /// Reports the verdict on the casing of `note`; `was_open` says whether it has just left its station. Returns whether it was
-    /// printed, if it can be read.
-    fn report(&mut self, note: &Unreported, was_open: bool) -> bool {
+    /// Reports the verdict on the casing of `note`; `was_open` says whether it has just left its station.
+    fn report(&mut self, note: &Unreported, was_open: bool) {
         let path = self.shown.out.join(&note.file);
         let read = || -> Result<_> {
             let reader = Reader::open(&path)?;
             Ok((CasingVerdict::read(&note.name, note.number, note.at_ns, &reader)?, reader))
         };
-        let is_printed = match read() {
+        match read() {
             Ok((verdict, reader)) => {
                 if verdict.refused + verdict.missing > 0 {
                     let CasingVerdict { casing, refused, missing, .. } = &verdict;
@@ -131,40 +128,31 @@ impl Supervisor<'_> {
                     let is_busy = self.open.iter().any(of);
                     self.audience.wires.iter().for_each(|wires| wires.now.judged(&verdict, is_busy));
                 }
-                let is_printed = self.print(&verdict);
+                if self.is_list {
+                    self.print(&verdict);
+                }
                 self.note_judged(&verdict, &reader);
                 self.shown.verdicts.retain(|shown| shown.file != verdict.file);
                 self.shown.verdicts.truncate(SHOWN_MAX - 1);
                 self.shown.verdicts.insert(0, verdict);
-                is_printed
             }
             Err(error) => {
                 self.leave_out(format!("{}: cannot read the verdict", path.display()));
                 tracing::error!("{}: cannot read the verdict: {error:#}", path.display());
                 self.alarm(format!("{}: cannot read the verdict", path.display()));
-                true
             }
-        };
-        // Else the note stays: the next start of the line prints it.
-        if is_printed {
-            self.audience.wires.iter().for_each(|wires| wires.printed(note.number));
         }
         self.shown.closed_count += 1;
-        is_printed
     }
 
-    /// Prints a verdict; whether that was possible.
-    fn print(&mut self, verdict: &CasingVerdict) -> bool {
+    /// Prints the verdict on a casing of a list.
+    fn print(&mut self, verdict: &CasingVerdict) {
         let form = self.audience.form;
-        let Err(error) = self.audience.progress.beside(|| verdict.print(form)) else { return true };
-        let (name, file): (_, &Path) = (&verdict.casing, &verdict.file);
-        tracing::error!(casing = name, "cannot print the verdict, which is in {}: {error:#}", file.display());
-        let text = format!("casing {name}: the verdict could not be printed");
-        if !self.is_list {
-            self.leave_out(text.clone());
+        if let Err(error) = self.audience.progress.beside(|| verdict.print(form)) {
+            let (name, file) = (&verdict.casing, verdict.file.display());
+            tracing::error!(casing = name, "cannot print the verdict, which is in {file}: {error:#}");
+            self.alarm(format!("casing {name}: the verdict could not be printed; it is in its file"));
         }
-        self.alarm(format!("{text}; it is in its file"));
-        false
     }
 
     /// Counts a casing whose verdict was unreported, and keeps its state for viewers.

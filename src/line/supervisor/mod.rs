@@ -100,7 +100,7 @@ pub(crate) struct Audience {
     pub progress: Progress,
     /// The plant's receivers of verdicts; `None` for a list.
     pub wires: Option<Wires>,
-    /// How verdicts are printed.
+    /// How verdicts of a list are printed.
     pub form: Form,
     pub show: Option<ShowStatus>,
 }

@@ -1,9 +1,5 @@
 //! Verdicts over Modbus TCP, with an independent client.
 
-use std::io::Write as _;
-use std::os::fd::OwnedFd;
-use std::process::Stdio;
-
 use serde_json::{Value, json};
 
 use crate::line::slow_plant;
@@ -88,48 +84,4 @@ fn a_controller_acknowledges_each_verdict() {
     }
     until("nothing is left to report", || unreported(&sandbox).is_empty());
     line.interrupt().expect(0);
-}
-
-/// Catches a heartbeat that goes on, and a verdict that stands, while the line itself hangs: nobody takes what it prints.
-#[test]
-fn a_line_that_hangs_has_no_heartbeat() {
-    let Some(python) = tapline_testing::python_with("pymodbus") else { return };
-    let sandbox = Sandbox::new();
-    slow_plant(&sandbox, 2, 100.0, TABLE);
-    let (read, write) = std::io::pipe().unwrap();
-    fill(&write);
-    let mut command = sandbox.command("line --config plant.toml --out out --json");
-    let mut child = command.stdout(Stdio::from(OwnedFd::from(write))).stderr(Stdio::piped()).spawn().unwrap();
-    drop(command);
-    // Its log is read as usual; what it prints goes into the full pipe.
-    child.stdout = Some(std::process::ChildStdout::from(OwnedFd::from(std::io::pipe().unwrap().0)));
-    let mut line = Running::of(child);
-    let address = address_of(&mut line, "Modbus");
-    let mut client = client(&python, "modbus.py", &[&address, "2"]);
-    let mut wait_for = |wanted: &dyn Fn(&Value) -> bool| loop {
-        let said = said(&mut client);
-        if let Some(now) = said.get("now").filter(|now| wanted(now)) {
-            return now.clone();
-        }
-    };
-    wait_for(&|now| now["busy"] == 1);
-    // The first verdict cannot be printed.
-    let hung = wait_for(&|now| now["beats"] == false);
-    let none = ["ready", "busy", "ok", "re_inspect", "not_ok"].map(|key| hung[key].as_u64());
-    assert_eq!(none, [Some(0); 5], "{hung}");
-    let printed = crate::sandbox::running::lines_of(read);
-    wait_for(&|now| now["beats"] == true);
-    drop(printed);
-    line.signal(rustix::process::Signal::KILL);
-    drop(line.kill());
-}
-
-/// Fills a pipe, so that nothing more goes into it.
-fn fill(mut pipe: &std::io::PipeWriter) {
-    let flags = rustix::fs::fcntl_getfl(pipe).unwrap();
-    rustix::fs::fcntl_setfl(pipe, flags | rustix::fs::OFlags::NONBLOCK).unwrap();
-    for line in [[b'\n'; 4096].as_slice(), b"\n"] {
-        while pipe.write(line).is_ok() {}
-    }
-    rustix::fs::fcntl_setfl(pipe, flags).unwrap();
 }
