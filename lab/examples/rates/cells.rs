@@ -1,8 +1,6 @@
 //! One cell: a scene judged with one kind of reference, and its counts.
 
-use std::fmt;
 use std::io::Write;
-use std::str::FromStr;
 use std::time::Instant;
 
 use anyhow::Result;
@@ -42,42 +40,17 @@ impl Policy {
     }
 }
 
-/// What shoulders are compared with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum By {
-    /// Each casing with itself.
-    Own,
-    /// So many sound casings.
-    File(usize),
-}
-
-impl By {
-    pub(crate) fn casings(&self) -> usize {
-        match self {
-            Self::Own => 0,
-            Self::File(casings) => *casings,
-        }
+/// The sound casings of a reference; 0 compares each casing with itself.
+pub(crate) fn casings(text: &str) -> Result<usize, String> {
+    match text {
+        "self" => Ok(0),
+        _ => text.parse().ok().filter(|&n| n > 0).ok_or("`self` or a number of casings".to_owned()),
     }
 }
 
-impl FromStr for By {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "self" => Ok(Self::Own),
-            _ => text.parse().ok().filter(|&n| n > 0).map(Self::File).ok_or("`self` or a number of casings".to_owned()),
-        }
-    }
-}
-
-impl fmt::Display for By {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Own => f.pad("self"),
-            Self::File(casings) => f.pad(&casings.to_string()),
-        }
-    }
+/// What [`casings`] reads.
+pub(crate) fn named(casings: usize) -> String {
+    if casings == 0 { "self".to_owned() } else { casings.to_string() }
 }
 
 /// How casings are scanned and judged.
@@ -93,7 +66,8 @@ pub(crate) struct Asked {
 #[derive(Debug)]
 pub(crate) struct Cell {
     scene: Scene,
-    by: By,
+    /// Casings of the reference, as [`casings`] has them.
+    by: usize,
     repetitions: u16,
     judged: Vec<Judged>,
     /// Casings of references that stand out from the others in theirs.
@@ -105,7 +79,7 @@ pub(crate) struct Cell {
 pub(crate) fn judge_cell(
     sets: &mut Sets,
     scene: Scene,
-    by: By,
+    by: usize,
     repetitions: u16,
     casings: usize,
     (seed, groups): (u64, u64),
@@ -115,10 +89,7 @@ pub(crate) fn judge_cell(
     let (mut standing_out, mut seconds) = (0, 0.0);
     for seed in seed..seed + groups {
         let set = sets.judged(scene, casings, seed)?;
-        let known = match by {
-            By::Own => None,
-            By::File(_) => Some(sets.reference(scene, seed)?),
-        };
+        let known = (by > 0).then(|| sets.reference(scene, seed)).transpose()?;
         let begun = Instant::now();
         let mut config = FuseConfig::by(Reference::Own);
         config.re_inspect_rate = asked.re_inspect_rate.unwrap_or(config.re_inspect_rate);
@@ -127,7 +98,7 @@ pub(crate) fn judge_cell(
             config.reject_rate = config.re_inspect_rate;
         }
         let taps = asked.policy.taps(&set.shape, repetitions);
-        let reference = known.map(|known| reference(&config, &known, by.casings(), &taps)).transpose()?;
+        let reference = known.map(|known| reference(&config, &known, by, &taps)).transpose()?;
         standing_out += reference.as_ref().map_or(0, |set| set.summary.standing_out.len());
         let judging = Judging { config, reference, taps, times: asked.times };
         let per_part = casings.div_ceil(rayon::current_num_threads());
@@ -155,7 +126,7 @@ impl Cell {
     pub(crate) fn write(&self, out: &mut impl Write) -> Result<()> {
         let all = self.judged.len();
         let scene = format!("{:?}", self.scene);
-        write!(out, "{scene:13}{:>5}{:>4}{all:>6}", self.by, self.repetitions)?;
+        write!(out, "{scene:13}{:>5}{:>4}{all:>6}", named(self.by), self.repetitions)?;
         for verdict in Verdict::ALL {
             let count = self.judged.iter().filter(|j| j.verdict == verdict.code()).count();
             let rate = clopper_pearson(count, all, 0.95)?;
@@ -167,7 +138,7 @@ impl Cell {
         let index = |j: &Judged| j.index.clone();
         let [whole, apart] = [false, true].map(|apart| self.auc(&index, apart));
         writeln!(out, "{}{}{:>7.1}", area(whole), area(apart), self.seconds)?;
-        if let By::File(_) = self.by {
+        if self.by > 0 {
             writeln!(out, "    casings of the references that stand out from the others: {}", self.standing_out)?;
         }
         let called = || self.judged.iter().filter(|j| j.verdict != Verdict::Pass.code());

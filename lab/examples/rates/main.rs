@@ -16,7 +16,7 @@ use tapline_lab::simulated::{Scene, Simulator, Times};
 use tapline_plate::ScanShape;
 use tapline_process::{DurationEstimator, ProcessConfig};
 
-use cells::{Asked, By, Cell, Policy, judge_cell};
+use cells::{Asked, Cell, Policy, casings, judge_cell, named};
 use sets::Sets;
 
 /// Judges simulated casings and counts the verdicts.
@@ -26,8 +26,8 @@ struct Args {
     #[arg(long, value_enum, default_value = "plate")]
     simulator: Simulator,
     /// What shoulders are compared with: `self`, or numbers of sound casings.
-    #[arg(long, value_delimiter = ',', default_value = "8,12,self")]
-    reference: Vec<By>,
+    #[arg(long, value_delimiter = ',', value_parser = casings, default_value = "8,12,self")]
+    reference: Vec<usize>,
     /// Repetitions that are judged, of the reference and of the scan alike.
     #[arg(long, value_delimiter = ',', default_value = "1,2")]
     repetitions: Vec<u16>,
@@ -89,7 +89,7 @@ fn main() -> Result<()> {
     let mut args = Args::parse();
     if args.quick {
         (args.groups, args.sound, args.cracked) = (1, 12, 8);
-        args.reference = vec![By::File(8)];
+        args.reference = vec![8];
         args.repetitions = vec![1];
     }
     ensure!(args.groups > 0 && args.sound > 0 && args.cracked > 0, "there must be a casing in each group");
@@ -115,7 +115,7 @@ fn main() -> Result<()> {
     };
     let process = ProcessConfig { tau: args.tau, ..ProcessConfig::default() };
     let taps_of_casing = shape.tap_count();
-    let mut sets = Sets::new(args.simulator, shape, process, args.reference.iter().map(By::casings).max());
+    let mut sets = Sets::new(args.simulator, shape, process, args.reference.iter().copied().max().unwrap_or(0));
     let begun = Instant::now();
     let mut out = io::stdout().lock();
     writeln!(
@@ -129,7 +129,7 @@ fn main() -> Result<()> {
         for &by in &args.reference {
             for &repetitions in &args.repetitions {
                 let cell = judge_cell(&mut sets, scene, by, repetitions, judged_count, (args.seed, args.groups), asked)
-                    .with_context(|| format!("{scene:?}, reference {by}, {repetitions} repetitions"))?;
+                    .with_context(|| format!("{scene:?}, reference {}, {repetitions} repetitions", named(by)))?;
                 cell.write(&mut out)?;
                 out.flush()?;
             }

@@ -27,9 +27,8 @@ impl Sets {
         simulator: Simulator,
         shape: ScanShape,
         process: ProcessConfig,
-        reference_casings: Option<usize>,
+        reference_casings: usize,
     ) -> Self {
-        let reference_casings = reference_casings.unwrap_or(0);
         Self { simulator, shape, process, reference_casings, known: BTreeMap::new(), seconds: 0.0 }
     }
 

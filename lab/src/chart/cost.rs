@@ -23,12 +23,10 @@ pub(crate) struct Workload<'a> {
 }
 
 impl<'a> Workload<'a> {
-    /// `each` of all `things`.
     pub(crate) fn each<T>(things: &'a [T], mut each: impl FnMut(&'a T) -> f64 + 'a) -> Self {
         Self { count: things.len(), run: Box::new(move || things.iter().map(&mut each).sum()) }
     }
 
-    /// A batch of `count` things.
     pub(crate) fn batch(count: usize, run: impl FnMut() -> f64 + 'a) -> Self {
         Self { count, run: Box::new(run) }
     }

@@ -4,7 +4,7 @@ use super::point::{Error, LEVEL, Point};
 use crate::statistics::mean_interval;
 
 /// Differences that count in a facet.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Tolerance {
     /// Fraction of a cost: medians that differ by less are equal.
     pub cost: f64,
@@ -34,7 +34,6 @@ pub(crate) enum Optimality {
     OnFront,
     /// The point of this name costs less and is as good, or is better and costs no more, by more than the noise.
     Beaten {
-        /// Its name.
         by: String,
         /// Its median cost over that of the default.
         cost_ratio: f64,
@@ -42,10 +41,7 @@ pub(crate) enum Optimality {
         error_more: (f64, f64, f64),
     },
     /// It fails this stability limit.
-    Unstable {
-        /// Its name.
-        case: &'static str,
-    },
+    Unstable { case: &'static str },
 }
 
 /// Whether `default` is on the front of `points`; if several beat it, the cheapest is named.

@@ -27,7 +27,7 @@ use tapline_host::atomic_file::{check_folder, write_texts};
 use tapline_host::stdout::Stdout;
 
 use self::casings::Group;
-use self::panel::{Panel, Skipped};
+use self::panel::{Facet, Panel, Skipped};
 use self::panels::{Entry, PANELS};
 use self::progress::Progress;
 use self::provenance::Provenance;
@@ -93,7 +93,12 @@ impl Bench {
         Ok(None)
     }
 
-    /// The seeds.
+    /// A facet without points: by all seeds, of cracks that were planted unless it says otherwise.
+    fn facet(&self, name: impl Into<String>, title: impl Into<String>) -> Facet {
+        let truth = "the cracks that were planted".to_owned();
+        Facet { name: name.into(), title: title.into(), truth, seeds: self.seeds().collect(), ..Facet::default() }
+    }
+
     fn seeds(&self) -> impl Iterator<Item = u64> + use<> {
         self.seed..self.seed + self.size.seed_count
     }
@@ -122,6 +127,7 @@ pub fn chart(args: &ChartArgs) -> Result<()> {
     for entry in wanted {
         bench.progress.begin(entry.name, (entry.expected_s)(&bench.size));
         let panel = (entry.measure)(&bench).with_context(|| format!("cannot measure the panel {}", entry.name))?;
+        let panel = Panel { name: entry.name, ..panel };
         // A panel whose recordings are missing has nothing to show; the notice stays.
         if !panel.facets.is_empty() {
             panels.push(panel);
@@ -168,7 +174,6 @@ fn files(panels: &[Panel], skipped: &[Skipped], provenance: &Provenance) -> Resu
     Ok(files)
 }
 
-/// Prints each default with its optimality.
 fn print_defaults(panels: &[Panel]) -> Result<()> {
     let mut out = Stdout;
     for row in words::defaults(panels) {

@@ -4,9 +4,7 @@
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Off {
     pub panel: &'static str,
-    /// Name of the facet.
     pub facet: &'static str,
-    /// Why its default is the default.
     pub why: &'static str,
 }
 

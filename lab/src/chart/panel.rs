@@ -5,13 +5,12 @@ use super::point::Point;
 use crate::evaluation::Table;
 
 /// Quantity of an axis.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Quantity {
     /// In words.
     pub label: &'static str,
     /// Its unit; empty for a pure number.
     pub unit: &'static str,
-    /// Whether its axis is logarithmic.
     pub is_log: bool,
 }
 
@@ -38,7 +37,7 @@ pub(crate) struct Guide {
 }
 
 /// One pair of axes with its points.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Facet {
     /// Name in the table of points, unique within the panel.
     pub name: String,
@@ -63,7 +62,6 @@ impl Facet {
         front(&self.points)
     }
 
-    /// Each default with its optimality.
     pub(crate) fn defaults(&self) -> Vec<(&Point, Optimality)> {
         let defaults = self.points.iter().filter(|point| point.is_default);
         defaults.map(|default| (default, optimality(default, &self.points, self.tolerance))).collect()
@@ -84,6 +82,18 @@ pub(crate) struct Panel {
     pub facets: Vec<Facet>,
     /// Tables beside the picture.
     pub tables: Vec<Table>,
+}
+
+impl Panel {
+    /// Without tables; its name is that of its entry.
+    pub(crate) fn new<const N: usize>(
+        title: &'static str,
+        question: &'static str,
+        notes: [&str; N],
+        facets: Vec<Facet>,
+    ) -> Self {
+        Self { name: "", title, question, notes: notes.map(str::to_owned).to_vec(), facets, tables: Vec::new() }
+    }
 }
 
 /// What could not be measured here, and why.

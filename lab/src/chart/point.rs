@@ -83,7 +83,6 @@ pub(crate) struct Point {
     pub failures: Vec<Failure>,
     /// How many taps, shoulders or scenes the error is from.
     pub n: usize,
-    /// A further remark.
     pub remark: String,
 }
 

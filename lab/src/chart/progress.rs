@@ -7,7 +7,6 @@ use tapline_host::progress::{self, Unit};
 /// Steps of the whole.
 const STEPS: f64 = 1000.0;
 
-/// Progress of a chart.
 #[derive(Debug)]
 pub(crate) struct Progress {
     shown: RefCell<progress::Progress>,
@@ -39,7 +38,6 @@ impl Progress {
         self.shown.borrow_mut().update((STEPS * done) as u64);
     }
 
-    /// All is done.
     pub(crate) fn end(&self) {
         self.shown.borrow().finish();
     }

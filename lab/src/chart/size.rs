@@ -1,6 +1,5 @@
 //! How much is measured: the default, and what `--quick` does.
 
-/// How much is measured.
 #[derive(Debug, Clone)]
 pub(crate) struct Size {
     /// Seeds of everything that is simulated.
@@ -27,7 +26,6 @@ pub(crate) struct Size {
     pub hops: u64,
     /// Records of a paced run.
     pub paced: u64,
-    /// Rounds of each hop.
     pub hop_rounds: usize,
 }
 

@@ -7,7 +7,6 @@ use super::point::Point;
 use super::provenance::Provenance;
 use crate::evaluation::rounded;
 
-/// The points of all `panels`.
 pub(crate) fn csv(panels: &[Panel], provenance: &Provenance) -> Result<String> {
     let mut rows = Vec::new();
     for panel in panels {

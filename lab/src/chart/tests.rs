@@ -87,7 +87,7 @@ fn errors_measured_anew_leave_defaults_on_their_fronts() {
     for entry in wanted {
         let panel = (entry.measure)(&bench).unwrap();
         for Facet { name, points, tolerance, .. } in &panel.facets {
-            let known = &committed[&(panel.name.to_owned(), name.clone())];
+            let known = &committed[&(entry.name.to_owned(), name.clone())];
             let with_known_costs: Vec<Point> = (points.iter())
                 .map(|point| {
                     let of = known.points.iter().find(|known| known.name == point.name && known.group == point.group);
@@ -106,7 +106,7 @@ fn errors_measured_anew_leave_defaults_on_their_fronts() {
             let cost = 2.0 * tolerance.cost;
             let both = [tolerance.error, 3.0 * tolerance.error].map(|error| Tolerance { cost, error });
             for default in with_known_costs.iter().filter(|point| point.is_default) {
-                let is_known = off::why(panel.name, name).is_some();
+                let is_known = off::why(entry.name, name).is_some();
                 let now = both.map(|tolerance| optimality(default, &with_known_costs, tolerance));
                 assert!(is_known || now.contains(&Optimality::OnFront), "{name}: {}: {now:?}", default.name);
             }

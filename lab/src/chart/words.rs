@@ -31,7 +31,6 @@ pub(crate) struct DefaultRow {
     pub why: Option<&'static str>,
 }
 
-/// All defaults of `panels`.
 pub(crate) fn defaults(panels: &[Panel]) -> Vec<DefaultRow> {
     let of_facet = |panel: &Panel, facet: &Facet| -> Vec<DefaultRow> {
         let row = |(default, optimality): (&Point, Optimality)| DefaultRow {

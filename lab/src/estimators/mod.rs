@@ -32,7 +32,6 @@ pub(crate) struct Cell {
     pub table: String,
     /// The pulse or the sound.
     pub signal: String,
-    /// Sample rate.
     pub rate_hz: u32,
     /// Peak over the standard deviation of white noise, dB; empty without noise.
     pub snr_db: Option<u32>,
@@ -64,7 +63,6 @@ impl Cell {
 pub(crate) struct Effort {
     /// Seed of noise and triggers; 0 on the page.
     pub seed: u64,
-    /// Taps of a cell.
     pub taps: u32,
 }
 
@@ -118,7 +116,6 @@ pub(crate) fn measure_one(cell: &Cell, effort: Effort) -> Result<Vec<Row>> {
     force::measure(cell, effort)
 }
 
-/// The rows as CSV.
 pub(crate) fn csv(rows: &[Row]) -> Result<String> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     rows.iter().try_for_each(|row| writer.serialize(row))?;

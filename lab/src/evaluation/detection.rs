@@ -7,7 +7,6 @@ use tapline_draw::palette::COLORS;
 use super::draw::{Mark, Plot, axis};
 use super::table::{Table, cell};
 
-/// Columns of [`Detection::push`].
 pub(crate) const DETECTION_COLUMNS: [&str; 8] =
     ["class", "method", "targets", "found", "a50_mm", "a90_mm", "a90_95_mm", "remark"];
 
@@ -43,7 +42,6 @@ impl Detection {
         Self { class, hit_miss: hit_miss(&sizes, &is_found), a_hat: a_hat(&answered_sizes, &responses, limit), targets }
     }
 
-    /// How many of the targets were found.
     pub(crate) fn found_count(&self) -> usize {
         self.targets.iter().filter(|t| t.is_found).count()
     }

@@ -62,7 +62,6 @@ pub(crate) struct Plot {
     pub marks: Vec<Mark>,
 }
 
-/// One picture.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Picture {
     /// Name of its file.
@@ -88,7 +87,6 @@ pub(crate) fn keys(names: &[&str]) -> Vec<Key> {
 }
 
 impl Picture {
-    /// The picture as SVG.
     pub(crate) fn svg(&self) -> Result<String> {
         let rows = self.plots.len().div_ceil(self.columns);
         let height = HEAD + rows as f64 * self.row_height() + EDGE;

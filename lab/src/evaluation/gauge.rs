@@ -1,6 +1,6 @@
 //! What gauge studies read, and their rows.
 
-use crate::statistics::{Gauge, OneWay, Refusal};
+use crate::statistics::Gauge;
 
 use super::ShoulderResult;
 use super::table::{Cell, cell};
@@ -30,38 +30,21 @@ impl Reading {
     }
 }
 
-/// Columns of [`crossed_cells`] and [`one_way_cells`].
+/// Columns of [`gauge_cells`].
 pub(crate) const GAUGE_COLUMNS: [&str; 6] =
     ["repeatability_percent", "reproducibility_percent", "gauge_percent", "part_percent", "ndc", "remark"];
 
-/// What a study with several rigs found, or why it found nothing.
-pub(crate) fn crossed_cells(found: &Result<Gauge, Refusal>) -> Vec<Cell> {
+/// What a study found, or why it found nothing. A study with one rig says nothing of reproducibility.
+pub(crate) fn gauge_cells(found: &Result<Gauge, impl ToString>) -> Vec<Cell> {
     match found {
         Ok(g) => {
-            let parts = [g.repeatability, g.reproducibility, g.gauge, g.part].map(|c| cell(c.study_percent));
-            let remark = if g.is_pooled { "interaction pooled" } else { "" };
-            parts.into_iter().chain([categories(g.ndc), remark.into()]).collect()
+            let has_rigs = g.operators.degrees > 0;
+            let reproducibility = cell(has_rigs.then_some(g.reproducibility.study_percent));
+            let [repeatability, gauge, part] = [g.repeatability, g.gauge, g.part].map(|c| cell(c.study_percent));
+            let remark = if has_rigs && g.is_pooled { "interaction pooled" } else { "" };
+            let ndc = g.ndc.map_or(Cell::Empty, Cell::Count);
+            vec![repeatability, reproducibility, gauge, part, ndc, remark.into()]
         }
-        Err(why) => refused_cells(&why.to_string()),
+        Err(why) => (1..GAUGE_COLUMNS.len()).map(|_| Cell::Empty).chain([why.to_string().into()]).collect(),
     }
-}
-
-/// What a study with one rig found, or why it found nothing.
-pub(crate) fn one_way_cells(found: &Result<OneWay, Refusal>) -> Vec<Cell> {
-    match found {
-        Ok(g) => {
-            let [repeat, part] = [g.repeatability, g.part].map(|c| cell(c.study_percent));
-            vec![repeat.clone(), Cell::Empty, repeat, part, categories(g.ndc), Cell::Empty]
-        }
-        Err(why) => refused_cells(&why.to_string()),
-    }
-}
-
-/// No number, and why.
-pub(crate) fn refused_cells(why: &str) -> Vec<Cell> {
-    (1..GAUGE_COLUMNS.len()).map(|_| Cell::Empty).chain([why.into()]).collect()
-}
-
-fn categories(ndc: Option<u64>) -> Cell {
-    ndc.map_or(Cell::Empty, Cell::Count)
 }

@@ -3,7 +3,6 @@
 use anyhow::{Context as _, Result};
 use tapline_wire::{DamageCell, Judgement, Scan, Verdict};
 
-/// One shoulder.
 #[derive(Debug, Clone)]
 pub(crate) struct ShoulderResult {
     pub tyre: String,

@@ -8,7 +8,6 @@ use serde_json::{Map, Value};
 /// Digits of a number: more than its interval justifies.
 const DIGITS: usize = 4;
 
-/// One cell of a table.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Cell {
     Text(String),
@@ -47,7 +46,6 @@ impl From<usize> for Cell {
     }
 }
 
-/// One table.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Table {
     /// Name of its file, and its key in JSON.
@@ -61,12 +59,20 @@ pub(crate) struct Table {
 }
 
 impl Table {
-    pub(crate) fn new(name: &'static str, title: &'static str, columns: &[&'static str]) -> Self {
-        Self { name, title, columns: columns.to_vec(), rows: Vec::new(), is_long: false }
+    pub(crate) fn new(
+        name: &'static str,
+        title: &'static str,
+        columns: impl IntoIterator<Item = &'static str>,
+    ) -> Self {
+        Self { name, title, columns: columns.into_iter().collect(), rows: Vec::new(), is_long: false }
     }
 
     /// One that only files and JSON show.
-    pub(crate) fn long(name: &'static str, title: &'static str, columns: &[&'static str]) -> Self {
+    pub(crate) fn long(
+        name: &'static str,
+        title: &'static str,
+        columns: impl IntoIterator<Item = &'static str>,
+    ) -> Self {
         Self { is_long: true, ..Self::new(name, title, columns) }
     }
 
@@ -109,7 +115,6 @@ impl Table {
         format!("{}\n{table}\n", self.title)
     }
 
-    /// As Markdown for the page.
     pub(crate) fn markdown(&self) -> String {
         let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
         let head: Vec<String> = self.columns.iter().map(|column| column.replace('_', " ")).collect();
@@ -130,12 +135,10 @@ pub(crate) fn cell(value: impl Into<Option<f64>>) -> Cell {
     value.into().filter(|value| value.is_finite()).map_or(Cell::Empty, Cell::Number)
 }
 
-/// Yes or no, as a cell.
 pub(crate) fn yes_or_no(is_so: bool) -> Cell {
     if is_so { "yes" } else { "no" }.into()
 }
 
-/// Both ends of an interval as cells.
 pub(crate) fn ends(interval: Option<(f64, f64)>) -> [Cell; 2] {
     [cell(interval.map(|i| i.0)), cell(interval.map(|i| i.1))]
 }
@@ -150,7 +153,7 @@ mod tests {
         let cells = [Some(0.987_654_32), Some(123_456.0), Some(-0.0), Some(1e-7), Some(f64::NAN), None]
             .map(|value| cell(value).to_string());
         assert_eq!(cells, ["0.9877", "123500", "0", "0.0000001", "", ""]);
-        let mut table = Table::new("t", "T", &["name", "auc", "low"]);
+        let mut table = Table::new("t", "T", ["name", "auc", "low"]);
         table.push(["x".into(), cell(0.5), Cell::Empty]);
         assert_eq!(table.json().to_string(), r#"[{"auc":0.5,"low":null,"name":"x"}]"#);
         assert_eq!(table.csv().unwrap(), "name,auc,low\nx,0.5,\n");

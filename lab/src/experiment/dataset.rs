@@ -103,7 +103,6 @@ impl Dataset {
     }
 }
 
-/// All taps of the experiment.
 #[derive(Debug)]
 pub(super) struct Experiment {
     /// Three tyres, twice around.

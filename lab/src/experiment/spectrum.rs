@@ -9,7 +9,6 @@ pub(super) const BAND_HZ: (f64, f64) = (500.0, 2000.0);
 /// Width of its steps, each the mean of its bins.
 pub(super) const STEP_HZ: f64 = 25.0;
 
-/// The largest magnitude of `sound_v`.
 pub(super) fn peak_v(sound_v: &[f64]) -> f64 {
     sound_v.iter().map(|x| x.abs()).max_by(f64::total_cmp).unwrap_or(0.0)
 }

@@ -55,7 +55,6 @@ const fn stroke(rung: Rung) -> Stroke {
     }
 }
 
-/// `figure` as SVG.
 pub(super) fn svg(figure: &Figure) -> Result<String> {
     let picture = Picture::new(figure);
     let mut svg = canvas::svg(SIZE, |area| picture.draw(area))?;

@@ -4,9 +4,8 @@ use super::archives::Scans;
 use super::inspected::InspectedShoulder;
 use crate::evaluation::{Cell, Table};
 
-/// The table of it.
 pub(super) fn table(scans: &Scans, inspected: &[InspectedShoulder], has_file: bool) -> Table {
-    let mut table = Table::new("basis", "What the numbers rest on", &["what", "count", "remark"]);
+    let mut table = Table::new("basis", "What the numbers rest on", ["what", "count", "remark"]);
     let mut push = |what: &str, count: usize, remark: String| table.push([what.into(), count.into(), remark.into()]);
     let scan_count: usize = scans.of_shoulder.values().map(Vec::len).sum();
     let sound_count = inspected.iter().filter(|shoulder| shoulder.is_sound()).count();

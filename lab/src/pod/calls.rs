@@ -64,13 +64,12 @@ impl CallRate {
     }
 }
 
-/// The table of them.
 pub(super) fn table(calls: &[CallRate]) -> Table {
     let mut table = Table::new(
         "calls",
         "False calls: sound shoulders that are not passed, and that are rejected, against the stated rate; and the same \
          for cracked shoulders. Intervals are exact (Clopper and Pearson) for independent shoulders",
-        &["shoulders", "call", "stated", "rate", "rate_low", "rate_high", "calls", "judged", "consistent", "remark"],
+        ["shoulders", "call", "stated", "rate", "rate_low", "rate_high", "calls", "judged", "consistent", "remark"],
     );
     for c in calls {
         let rate = c.rate.as_ref().ok();

@@ -77,11 +77,10 @@ pub(super) fn detections(inspected: &[InspectedShoulder]) -> Vec<Detection> {
     Limit::ALL.into_iter().filter_map(of_limit).collect()
 }
 
-/// The table of both curves.
 pub(super) fn table(detections: &[Detection]) -> Table {
     let title = "Finds against the size of the crack, in mm: by hit and miss, and by the response; a region that reaches the \
                  limit is a find";
-    let mut table = Table::new("detection", title, &DETECTION_COLUMNS);
+    let mut table = Table::new("detection", title, DETECTION_COLUMNS);
     detections.iter().for_each(|detection| detection.push(&mut table));
     if detections.is_empty() {
         let empty = (2..DETECTION_COLUMNS.len()).map(|_| Cell::Empty);
@@ -93,18 +92,9 @@ pub(super) fn table(detections: &[Detection]) -> Table {
 
 /// Every crack, with a size or without.
 pub(super) fn all(inspected: &[InspectedShoulder]) -> Table {
-    let columns = [
-        "tyre",
-        "shoulder",
-        "first_location",
-        "location_count",
-        "size_mm",
-        "damage_index",
-        "limit_re_inspect",
-        "found_re_inspect",
-        "found_reject",
-    ];
-    let mut table = Table::long("cracks", "Every crack of the shoulders that were inspected", &columns);
+    let columns = "tyre shoulder first_location location_count size_mm damage_index limit_re_inspect found_re_inspect \
+                   found_reject";
+    let mut table = Table::long("cracks", "Every crack of the shoulders that were inspected", columns.split(' '));
     for InspectedShoulder { scan, cracks } in inspected {
         for crack in cracks {
             table.push([

@@ -5,7 +5,6 @@ use super::archives::{Scanned, Scans};
 use super::truth::{Crack, KnownTruth};
 use crate::evaluation::{Table, cell, yes_or_no};
 
-/// One of them.
 #[derive(Debug)]
 pub(super) struct InspectedShoulder {
     /// Its first scan, with the truth.
@@ -34,20 +33,9 @@ impl InspectedShoulder {
     }
 }
 
-/// The table of them.
 pub(super) fn table(inspected: &[InspectedShoulder]) -> Table {
-    let columns = [
-        "tyre",
-        "shoulder",
-        "archive",
-        "cracks",
-        "verdict",
-        "strongest_arc",
-        "limit_re_inspect",
-        "limit_reject",
-        "sound",
-    ];
-    let mut table = Table::long("shoulders", "Every shoulder that was inspected, by its first scan", &columns);
+    let columns = "tyre shoulder archive cracks verdict strongest_arc limit_re_inspect limit_reject sound".split(' ');
+    let mut table = Table::long("shoulders", "Every shoulder that was inspected, by its first scan", columns);
     for shoulder in inspected {
         let InspectedShoulder { scan, cracks } = shoulder;
         table.push([

@@ -52,7 +52,6 @@ pub struct PodArgs {
     pub force: ForceArgs,
 }
 
-/// All that is found.
 #[derive(Debug)]
 struct Findings {
     detections: Vec<Detection>,

@@ -2,7 +2,7 @@
 
 use super::Findings;
 use super::calls::CallRate;
-use super::repeats::{Found, Repeated};
+use super::repeats::Repeated;
 use super::roc::Roc;
 use crate::evaluation::{Detection, Picture, cell, ends, page_of};
 
@@ -73,11 +73,8 @@ fn called(calls: &CallRate) -> Option<String> {
 }
 
 fn repeated(repeated: &Repeated) -> Option<String> {
-    let (gauge, across) = match &repeated.found {
-        Found::OfStations(gauge) => (gauge.as_ref().as_ref().ok()?.gauge, "across stations"),
-        Found::OfOne(gauge) => (gauge.as_ref().ok()?.repeatability, "at one station"),
-        Found::Nothing(_) => return None,
-    };
-    let percent = cell(gauge.study_percent);
+    let found = repeated.found.as_ref().ok()?;
+    let across = if found.operators.degrees > 0 { "across stations" } else { "at one station" };
+    let percent = cell(found.gauge.study_percent);
     Some(format!("The gauge takes {percent} % of the total standard deviation of {}, {across}.", repeated.quantity))
 }

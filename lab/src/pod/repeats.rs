@@ -4,25 +4,14 @@
 
 use std::collections::BTreeMap;
 
-use crate::evaluation::{GAUGE_COLUMNS, Reading, Table, crossed_cells, one_way_cells, refused_cells};
-use crate::statistics::{Crossed, Gauge, OneWay, Refusal, crossed, one_way};
+use crate::evaluation::{GAUGE_COLUMNS, Reading, Table, gauge_cells};
+use crate::statistics::{Crossed, Gauge, crossed, one_way};
 
 use super::archives::{Scanned, Scans};
 use super::roc::different;
 
 /// Parts that AIAG asks for.
 const PARTS: usize = 10;
-
-/// What repeated scans find.
-#[derive(Debug)]
-pub(super) enum Found {
-    /// Several stations.
-    OfStations(Box<Result<Gauge, Refusal>>),
-    /// One station, or several that share no shoulder.
-    OfOne(Result<OneWay, Refusal>),
-    /// No usable scan, and why.
-    Nothing(String),
-}
 
 /// The study of one kind of parts.
 #[derive(Debug)]
@@ -31,7 +20,8 @@ pub(super) struct Repeated {
     stations: Vec<u16>,
     parts: usize,
     repeats: usize,
-    pub found: Found,
+    /// What they find, across stations or at one; or why nothing.
+    pub found: Result<Gauge, String>,
     remark: String,
 }
 
@@ -84,7 +74,7 @@ impl Repeated {
             operator_count: stations.len(),
             repeat_count: design.repeat_count,
         };
-        let found = Found::OfStations(Box::new(crossed(&design.readings, study)));
+        let found = crossed(&design.readings, study).map_err(|why| why.to_string());
         Self::new(reading, stations, &design, found)
     }
 
@@ -99,16 +89,15 @@ impl Repeated {
         stations.sort_unstable();
         stations.dedup();
         let design = Design::new(reading, &at_one);
-        let found = match again.is_empty() {
-            true => Found::Nothing(
-                "no shoulder was scanned twice at one station: a gauge cannot be judged without a repeat".into(),
-            ),
-            false => Found::OfOne(one_way(&design.readings, design.part_count)),
+        let found = if again.is_empty() {
+            Err("no shoulder was scanned twice at one station: a gauge cannot be judged without a repeat".to_owned())
+        } else {
+            one_way(&design.readings, design.part_count).map_err(|why| why.to_string())
         };
         Self { stations, ..Self::new(reading, Vec::new(), &design, found) }
     }
 
-    fn new(reading: Reading, stations: Vec<u16>, design: &Design, found: Found) -> Self {
+    fn new(reading: Reading, stations: Vec<u16>, design: &Design, found: Result<Gauge, String>) -> Self {
         let mut remarks = Vec::new();
         if design.part_count > 0 && design.part_count < PARTS {
             remarks.push(format!("{} parts; AIAG asks for {PARTS} or more", design.part_count));
@@ -168,24 +157,17 @@ impl Design {
     }
 }
 
-/// The table of them.
 pub(super) fn table(repeated: &[Repeated]) -> Table {
-    let columns: Vec<&'static str> =
-        ["parts_read", "stations", "parts", "repeats"].into_iter().chain(GAUGE_COLUMNS).collect();
     let mut table = Table::new(
         "gauge",
         "Gauge study of casings that were scanned again: operators are stations, repeats whole scans; parts of the total standard \
          deviation in per cent",
-        &columns,
+        ["parts_read", "stations", "parts", "repeats"].into_iter().chain(GAUGE_COLUMNS),
     );
     for r in repeated {
         let stations = r.stations.iter().map(ToString::to_string).collect::<Vec<_>>().join(" ");
         let mut row = vec![r.quantity.into(), stations.into(), r.parts.into(), r.repeats.into()];
-        row.extend(match &r.found {
-            Found::OfStations(gauge) => crossed_cells(gauge),
-            Found::OfOne(gauge) => one_way_cells(gauge),
-            Found::Nothing(why) => refused_cells(why),
-        });
+        row.extend(gauge_cells(&r.found));
         if let Some(last) = row.last_mut() {
             let remarks = [last.to_string(), r.remark.clone()];
             *last = remarks.into_iter().filter(|remark| !remark.is_empty()).collect::<Vec<_>>().join("; ").into();

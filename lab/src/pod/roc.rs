@@ -14,7 +14,6 @@ pub(super) fn different<'a>(results: impl Iterator<Item = &'a ShoulderResult>) -
     extent(results.map(|result| result.limit)).filter(|(low, high)| high > &((1.0 + SAME_LIMIT) * low))
 }
 
-/// One curve.
 #[derive(Debug)]
 pub(super) struct Roc {
     /// What is called.
@@ -26,7 +25,6 @@ pub(super) struct Roc {
     remark: String,
 }
 
-/// Both.
 pub(super) fn rocs(inspected: &[InspectedShoulder], seed: u64) -> [Roc; 2] {
     let shoulders = inspected.iter().map(|shoulder| {
         let result = &shoulder.scan.result;
@@ -68,13 +66,12 @@ impl Roc {
     }
 }
 
-/// The table of them.
 pub(super) fn table(rocs: &[Roc]) -> Table {
     let mut table = Table::new(
         "roc",
         "Area under the ROC curve, and the true positive rate (TPR) at 5 % false alarms. Intervals draw whole tyres; of a perfect \
          area or rate they are the exact ones of as many independent tyres",
-        &["called", "cracked", "sound", "auc", "auc_low", "auc_high", "tpr_at_5", "tpr_low", "tpr_high", "remark"],
+        ["called", "cracked", "sound", "auc", "auc_low", "auc_high", "tpr_at_5", "tpr_low", "tpr_high", "remark"],
     );
     for roc in rocs {
         let mut row =

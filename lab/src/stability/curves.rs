@@ -23,7 +23,6 @@ pub(crate) struct Curve {
     pub rows: Vec<Row>,
 }
 
-/// One place of a curve.
 #[derive(Debug, Clone)]
 pub(crate) struct Row {
     pub x: f64,

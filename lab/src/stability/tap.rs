@@ -81,7 +81,6 @@ impl Tap {
     }
 }
 
-/// Largest magnitude of `samples`.
 pub(crate) fn peak(samples: &[f64]) -> f64 {
     samples.iter().fold(0.0, |peak, x| if x.abs() > peak { x.abs() } else { peak })
 }

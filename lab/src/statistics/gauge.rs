@@ -27,13 +27,13 @@ pub struct Component {
     pub study_percent: f64,
 }
 
-/// What a crossed study finds.
+/// What a study finds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Gauge {
     /// Analysis of variance: parts.
     pub parts: AnovaRow,
-    /// Operators.
+    /// Operators; of one alone they have no degrees of freedom.
     pub operators: AnovaRow,
     /// Parts by operators.
     pub interaction: AnovaRow,
@@ -70,9 +70,22 @@ pub struct Gauge {
 /// [`Refusal::TooFew`] of parts, operators or repeats; [`Refusal::Lengths`]; [`Refusal::Incomplete`] names the first
 /// hole; [`Refusal::NoScatter`] of readings that are all the same.
 pub fn crossed(readings: &[Option<f64>], study: Crossed) -> Result<Gauge, Refusal> {
-    let Crossed { part_count, operator_count, repeat_count } = study;
+    at_least("parts", study.part_count, 2)?;
+    at_least("operators", study.operator_count, 2)?;
+    judged(readings, study)
+}
+
+/// Judges a gauge from the same number of `readings` of each of `part_count` parts, part by part, by one operator.
+///
+/// # Errors
+/// As [`crossed`]; [`Refusal::Lengths`] for readings that the parts do not share evenly.
+pub fn one_way(readings: &[Option<f64>], part_count: usize) -> Result<Gauge, Refusal> {
     at_least("parts", part_count, 2)?;
-    at_least("operators", operator_count, 2)?;
+    judged(readings, Crossed { part_count, operator_count: 1, repeat_count: readings.len() / part_count })
+}
+
+fn judged(readings: &[Option<f64>], study: Crossed) -> Result<Gauge, Refusal> {
+    let Crossed { part_count, operator_count, repeat_count } = study;
     at_least("repeats", repeat_count, 2)?;
     let Sums { parts, operators, interaction, repeats } = Sums::new(readings, study)?;
     let interaction_p = interaction.f_test(&repeats).map(|(_, p)| p);
@@ -109,7 +122,7 @@ pub fn crossed(readings: &[Option<f64>], study: Crossed) -> Result<Gauge, Refusa
 
 impl Component {
     /// Of a total above 0; where that is 0 (each mean square is cancelled by another) nothing has a part in it.
-    pub(super) fn new(variance: f64, total: f64) -> Self {
+    fn new(variance: f64, total: f64) -> Self {
         let fraction = if total > 0.0 { variance / total } else { 0.0 };
         let (contribution_percent, study_percent) = (100.0 * fraction, 100.0 * fraction.sqrt());
         Self { variance, sd: variance.sqrt(), contribution_percent, study_percent }
@@ -117,13 +130,13 @@ impl Component {
 }
 
 /// Categories of parts that a gauge with these variances distinguishes.
-pub(super) fn categories(part: f64, gauge: f64) -> Option<u64> {
+fn categories(part: f64, gauge: f64) -> Option<u64> {
     let categories = CATEGORIES * (part / gauge).sqrt();
     // Truncation towards zero is what AIAG asks for; `as` also keeps what is too large for any integer at the largest.
     categories.is_finite().then_some(categories as u64)
 }
 
 /// Estimates of variances below 0 are 0.
-pub(super) fn above_zero(variance: f64) -> f64 {
+fn above_zero(variance: f64) -> f64 {
     if variance > 0.0 { variance } else { 0.0 }
 }

@@ -67,7 +67,6 @@ impl Split {
         Ok(datasets.into_iter().map(split).collect())
     }
 
-    /// The tyres that are judged.
     pub(super) fn judged(&self) -> Result<Dataset> {
         self.dataset.of_tyres(|tyre| self.judged.iter().any(|t| t == tyre))
     }
@@ -109,10 +108,9 @@ pub(super) fn find<'a>(
     candidates.iter().find(|r| r.set == set && r.reference == reference && r.index == index)
 }
 
-/// The table of discriminators alone.
 pub(super) fn alone_table(alone: &[SingleDiscriminator], seed: u64) -> Table {
     let title = "AUC of each discriminator alone, by the healthy reference, averaged over three neighbours, with intervals by tyres";
-    let mut table = Table::long("alone", title, &["set", "discriminator", "auc", "tyres_low", "tyres_high"]);
+    let mut table = Table::long("alone", title, ["set", "discriminator", "auc", "tyres_low", "tyres_high"]);
     for a in alone {
         let row = [a.set.into(), a.which.name().into(), cell(a.areas.auc())];
         table.push(row.into_iter().chain(ends(a.areas.by_tyres(seed))));
@@ -120,38 +118,21 @@ pub(super) fn alone_table(alone: &[SingleDiscriminator], seed: u64) -> Table {
     table
 }
 
-/// The table of overlaps.
 pub(super) fn overlap_table(candidates: &[Candidate]) -> Table {
     let title = "Regions of the default index over planted cracks: locations in both over locations in either";
-    let mut table = Table::new("overlap", title, &["set", "overlap"]);
+    let mut table = Table::new("overlap", title, ["set", "overlap"]);
     for c in candidates.iter().filter(|c| c.reference == "healthy" && c.index == IndexKind::default()) {
         table.push([c.set.into(), cell(overlap(&c.judged))]);
     }
     table
 }
 
-/// The table of all candidates.
 pub(super) fn table(candidates: &[Candidate], seed: u64) -> Result<Table> {
-    let mut table = Table::long(
-        "indices",
-        "Each index by each reference on every set: AUC with intervals by tyres, and what the default rates made of sound \
-         shoulders",
-        &[
-            "set",
-            "reference",
-            "index",
-            "auc",
-            "tyres_low",
-            "tyres_high",
-            "sound_shoulders",
-            "not_passed",
-            "not_passed_low",
-            "not_passed_high",
-            "rejected",
-            "rejected_low",
-            "rejected_high",
-        ],
-    );
+    let title = "Each index by each reference on every set: AUC with intervals by tyres, and what the default rates made of sound \
+                 shoulders";
+    let columns = "set reference index auc tyres_low tyres_high sound_shoulders not_passed not_passed_low not_passed_high \
+                   rejected rejected_low rejected_high";
+    let mut table = Table::long("indices", title, columns.split(' '));
     for candidate in candidates {
         let mut row = vec![
             candidate.set.into(),

@@ -60,12 +60,11 @@ pub(super) fn detection(set: &Set, size: &Size, seed: u64) -> Result<Vec<Detecti
     Ok(classes)
 }
 
-/// The table of both curves.
 pub(super) fn table(detections: &[Detection]) -> Table {
     let mut table = Table::new(
         "detection",
         "Finds against the length of the crack across the shoulder, in mm: by hit and miss, and by the response",
-        &DETECTION_COLUMNS,
+        DETECTION_COLUMNS,
     );
     detections.iter().for_each(|detection| detection.push(&mut table));
     table
@@ -74,7 +73,7 @@ pub(super) fn table(detections: &[Detection]) -> Table {
 /// Every target of all depths.
 pub(super) fn targets_table(detections: &[Detection]) -> Table {
     let columns = ["length_mm", "depth_mm", "location_count", "found", "index"];
-    let mut table = Table::long("targets", "Every crack looked for, with its greatest index", &columns);
+    let mut table = Table::long("targets", "Every crack looked for, with its greatest index", columns);
     for t in detections.first().iter().flat_map(|d| &d.targets) {
         table.push([
             cell(t.size_mm),

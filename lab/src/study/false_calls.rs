@@ -106,13 +106,12 @@ fn drawn(rng: &mut ChaCha8Rng, all: usize, count: usize) -> Vec<usize> {
     numbers
 }
 
-/// The table of them.
 pub(super) fn table(calls: &[FalseCalls]) -> Result<Table> {
     let mut table = Table::new(
         "false_calls",
         "Sound shoulders that are not passed, and that are rejected, against the stated rate; with 0 casings, each tyre is compared \
          with itself",
-        &["index", "casings", "call", "stated", "rate", "rate_low", "rate_high", "calls", "judged", "consistent"],
+        ["index", "casings", "call", "stated", "rate", "rate_low", "rate_high", "calls", "judged", "consistent"],
     );
     for c in calls {
         let mut row =

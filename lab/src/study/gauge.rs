@@ -4,8 +4,8 @@
 //! and a repeat is a whole scan with taps of its own. The second rig has its
 //! microphone a tenth farther away, twice the noise in both channels, and a velocity that jitters half as much again.
 
-use crate::evaluation::{GAUGE_COLUMNS, Reading, ShoulderResult, Table, crossed_cells, one_way_cells};
-use crate::statistics::{Crossed, Gauge, OneWay, Refusal, crossed, one_way};
+use crate::evaluation::{GAUGE_COLUMNS, Reading, ShoulderResult, Table, gauge_cells};
+use crate::statistics::{Crossed, Gauge, Refusal, crossed, one_way};
 use anyhow::Result;
 use tapline_fuse::{FuseConfig, IndexKind};
 use tapline_model::SimulationConfig;
@@ -28,7 +28,7 @@ pub(super) struct GaugeResult {
     pub parts: usize,
     pub of_both: Result<Gauge, Refusal>,
     /// Of the first rig alone.
-    pub of_one: Result<OneWay, Refusal>,
+    pub of_one: Result<Gauge, Refusal>,
 }
 
 /// Scans the same tyres again and again on two rigs.
@@ -94,17 +94,14 @@ impl GaugeResult {
     }
 }
 
-/// The table of them.
 pub(super) fn table(repeated: &[GaugeResult]) -> Table {
-    let columns: Vec<&'static str> =
-        ["index", "parts_read", "parts", "rigs"].into_iter().chain(GAUGE_COLUMNS).collect();
     let mut table = Table::new(
         "gauge",
         "Gauge study: operators are two rigs, repeats whole scans; parts of the total standard deviation in per cent",
-        &columns,
+        ["index", "parts_read", "parts", "rigs"].into_iter().chain(GAUGE_COLUMNS),
     );
     for r in repeated {
-        for (rigs, cells) in [(RIGS, crossed_cells(&r.of_both)), (1, one_way_cells(&r.of_one))] {
+        for (rigs, cells) in [(RIGS, gauge_cells(&r.of_both)), (1, gauge_cells(&r.of_one))] {
             let head = [r.index.name().into(), r.reading.name().into(), r.parts.into(), rigs.into()];
             table.push(head.into_iter().chain(cells));
         }

@@ -82,7 +82,6 @@ impl Step {
     }
 }
 
-/// All that is found.
 #[derive(Debug)]
 struct Findings {
     sets: Vec<&'static str>,
@@ -135,7 +134,7 @@ impl Findings {
         }
         step.begin("probability of detection");
         let detection = detection::detection(first, size, seed)?;
-        let mut about = Table::new("sets", "The simulated sets", &["set", "about"]);
+        let mut about = Table::new("sets", "The simulated sets", ["set", "about"]);
         all.iter().for_each(|set| about.push([set.name.into(), set.about.into()]));
         step.begin("false calls");
         let calls = false_calls::false_calls(first, size, seed)?;

@@ -8,7 +8,6 @@ use super::candidates::{Candidate, SingleDiscriminator, best_alone, find};
 use tapline_draw::canvas::{INK, Point};
 use tapline_draw::palette::COLORS;
 
-/// All of them.
 pub(super) fn pictures(
     candidates: &[Candidate],
     alone: &[SingleDiscriminator],

@@ -17,7 +17,6 @@ pub(super) struct FoundOnSet {
     pub found: FoundAt,
 }
 
-/// Of each of `sets`.
 pub(super) fn found_on_sets(candidates: &[Candidate], sets: &[&'static str], seed: u64) -> Vec<FoundOnSet> {
     let of_set = |&set: &&'static str| {
         let areas = &find(candidates, set, "healthy", IndexKind::default())?.areas;
@@ -31,13 +30,12 @@ pub(super) fn a90_95_mm(detection: &[Detection]) -> Option<f64> {
     detection.first()?.hit_miss.as_ref().ok()?.a90_95_likelihood
 }
 
-/// The table of them.
 pub(super) fn table(detection: &[Detection], found: &[FoundOnSet]) -> Table {
     let mut table = Table::new(
         "published",
         "This study beside published numbers of other structures: they show the usual size of such numbers, not which method is better. \
          TPR is the part of the cracked locations that is called at a limit that calls 5 % of the sound ones",
-        &["number", "set", "here", "low", "high", "published", "published_of", "source"],
+        ["number", "set", "here", "low", "high", "published", "published_of", "source"],
     );
     table.push([
         "a90/95 in mm, all depths, hit or miss".into(),

@@ -26,7 +26,6 @@ pub(super) struct Cracks {
 const CRACKS: Cracks =
     Cracks { depth_mm: (10.0, 28.0), length_mm: (4.0, 20.0), offset_mm: (0.0, 0.0), location_count: (1, 8) };
 
-/// One simulated set.
 #[derive(Debug, Clone)]
 pub(super) struct Set {
     pub name: &'static str,
@@ -75,7 +74,6 @@ pub(super) fn sets() -> Vec<Set> {
     ]
 }
 
-/// A sound tyre.
 pub(super) fn sound(serial: String) -> TyreConfig {
     TyreConfig { serial, station: 1, crack: Vec::new() }
 }

@@ -4,10 +4,8 @@ use super::dataset::Turns;
 
 /// Offsets of a scan, in mm, as in section 5.2.
 const OFFSETS_MM: [f64; 4] = [0.0, 5.0, 10.0, 15.0];
-/// Repetitions of a scan.
 const REPETITIONS: u16 = 2;
 
-/// How much is simulated.
 #[derive(Debug, Clone)]
 pub(super) struct Size {
     /// Tyres of a set: half of them are sound and make the reference; of the others, which are judged, half are cracked.

@@ -58,29 +58,12 @@ pub(super) fn of_sets(
     sets.iter().filter_map(of_set).collect()
 }
 
-/// The table of them.
 pub(super) fn table(of_sets: &[OfSet]) -> Table {
-    let mut table = Table::new(
-        "default",
-        "AUC of the default index by a healthy reference, beside the best discriminator alone and the dissertation's index by \
-         the same reference, and beside the default index of each tyre by itself. Intervals are by tyres",
-        &[
-            "set",
-            "default",
-            "low",
-            "high",
-            "best_alone",
-            "alone",
-            "gain",
-            "gain_low",
-            "gain_high",
-            "dissertation",
-            "over_dissertation",
-            "over_low",
-            "over_high",
-            "self",
-        ],
-    );
+    let title = "AUC of the default index by a healthy reference, beside the best discriminator alone and the dissertation's index by \
+                 the same reference, and beside the default index of each tyre by itself. Intervals are by tyres";
+    let columns = "set default low high best_alone alone gain gain_low gain_high dissertation over_dissertation over_low \
+                   over_high self";
+    let mut table = Table::new("default", title, columns.split(' '));
     for of in of_sets {
         let rival = |rival: &Rival| -> Vec<Cell> {
             [cell(rival.auc), cell(rival.gain)].into_iter().chain(ends(rival.interval)).collect()

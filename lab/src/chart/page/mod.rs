@@ -12,7 +12,6 @@ use crate::evaluation::{Cell, Table};
 const STYLE: &str = include_str!("style.css");
 const TITLE: &str = "tapline: speed against accuracy";
 
-/// The HTML page.
 pub(crate) fn html(panels: &[Panel], skipped: &[Skipped], provenance: &Provenance) -> Result<String> {
     let figures: Vec<Markup> = panels.iter().map(panel).collect::<Result<_>>()?;
     let page = html! {

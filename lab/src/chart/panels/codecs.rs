@@ -47,7 +47,7 @@ fn measure(bench: &Bench) -> Result<Panel> {
     let mut table = Table::new(
         "codecs",
         "Ratio of bytes before and after packing, and processor time in us of packing and unpacking 64 KiB, medians",
-        &["taps", "codec", "ratio", "pack_us", "unpack_us", "n"],
+        ["taps", "codec", "ratio", "pack_us", "unpack_us", "n"],
     );
     let mut facets = vec![facet(
         bench,
@@ -62,22 +62,19 @@ fn measure(bench: &Bench) -> Result<Panel> {
             facets.push(facet(bench, name, title, &taps(&mut set, bench.size.taps)?, &mut table)?);
         }
     }
-    Ok(Panel {
-        name: "codecs",
-        title: "How are samples packed?",
-        question: "Archived bytes against the processor time of packing them: simulated taps flatter every codec.",
-        notes: vec![
+    let panel = Panel::new(
+        "How are samples packed?",
+        "Archived bytes against the processor time of packing them: simulated taps flatter every codec.",
+        [
             "How well a tap packs depends on the converter that recorded it. Simulated counts have quiet high bits; recorded 32-bit \
              numbers have full ones, unless they come from a coarse converter, as the NTU slabs' do. The FHWA slab shows what to expect of \
-             recorded taps."
-                .to_owned(),
+             recorded taps.",
             "`gzip` is deflate of level 4 over shuffled bytes, as HDF5's own filter; a line does not offer it. Every tap is unpacked \
-             and compared bit for bit."
-                .to_owned(),
+             and compared bit for bit.",
         ],
         facets,
-        tables: vec![table],
-    })
+    );
+    Ok(Panel { tables: vec![table], ..panel })
 }
 
 /// Some taps of `source`, from all over its plan.
@@ -150,16 +147,14 @@ fn facet(bench: &Bench, name: &str, title: &str, taps: &Taps, table: &mut Table)
         ]);
     }
     Ok(Facet {
-        name: name.to_owned(),
-        title: title.to_owned(),
         cost: Quantity::log("Processor time of packing 64 KiB", "\u{b5}s"),
         error: Quantity::linear("What is left of the bytes", "%"),
         tolerance: Tolerance { cost: 0.15, error: 2.0 },
         truth: "the samples, bit for bit".to_owned(),
         seeds: vec![bench.seed],
         families: vec!["for lines", "for archives that are repacked"],
-        guides: Vec::new(),
         points,
+        ..bench.facet(name, title)
     })
 }
 

@@ -103,22 +103,18 @@ fn measure(bench: &Bench) -> Result<Panel> {
         facets.push(locations(bench, simulator, points));
         facets.push(shoulders(bench, simulator, ring));
     }
-    Ok(Panel {
-        name: "index",
-        title: "Which index rates a place, and which rule a shoulder?",
-        question: "Which index ranks locations best, which rule finds the cracked shoulders, and what do they cost?",
-        notes: vec![
+    Ok(Panel::new(
+        "Which index rates a place, and which rule a shoulder?",
+        "Which index ranks locations best, which rule finds the cracked shoulders, and what do they cost?",
+        [
             "One turn at each of four offsets, by the reference of the panel `plans`. The cost is that of taking in a casing's \
-             discriminators, comparing, and judging both shoulders; fitting the reference is not in it."
-                .to_owned(),
+             discriminators, comparing, and judging both shoulders; fitting the reference is not in it.",
             "Ring rules: the strongest arc of 1 to 20 neighbours, which verdicts rest on, and the largest damage index, which is of \
              three neighbours. Both cost the same work. A limit is set so that 5 % of the sound shoulders reach it; what is \
-             missed then does not depend on stated rates."
-                .to_owned(),
+             missed then does not depend on stated rates.",
         ],
         facets,
-        tables: Vec::new(),
-    })
+    ))
 }
 
 /// Processor time of each rule, in us, on one casing of the first group.
@@ -267,30 +263,22 @@ fn lost_to_outliers(size: &Size, group: &Group, rule: Rule, clean: &Judging) -> 
 
 fn locations(bench: &Bench, simulator: Simulator, points: Vec<Point>) -> Facet {
     Facet {
-        name: format!("{}-locations", simulator.name()),
-        title: format!("Locations, simulator {}", simulator.name()),
         cost: Quantity::log("Processor time of a casing", "\u{b5}s"),
         error: Quantity::log("Loss of detection, 1 \u{2212} AUC", ""),
         tolerance: Tolerance { cost: 0.15, error: 0.005 },
-        truth: "the cracks that were planted".to_owned(),
-        seeds: bench.seeds().collect(),
         families: vec!["all discriminators", "one discriminator"],
-        guides: Vec::new(),
         points,
+        ..bench.facet(format!("{}-locations", simulator.name()), format!("Locations, simulator {}", simulator.name()))
     }
 }
 
 fn shoulders(bench: &Bench, simulator: Simulator, points: Vec<Point>) -> Facet {
     Facet {
-        name: format!("{}-shoulders", simulator.name()),
-        title: format!("Shoulders, simulator {}", simulator.name()),
         cost: Quantity::log("Processor time of a casing", "\u{b5}s"),
         error: Quantity::linear("Cracked shoulders missed at 5 % false calls", "%"),
         tolerance: Tolerance { cost: 0.15, error: 1.0 },
-        truth: "the cracks that were planted".to_owned(),
-        seeds: bench.seeds().collect(),
         families: vec!["strongest arc", "largest index of three"],
-        guides: Vec::new(),
         points,
+        ..bench.facet(format!("{}-shoulders", simulator.name()), format!("Shoulders, simulator {}", simulator.name()))
     }
 }

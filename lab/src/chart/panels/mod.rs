@@ -26,7 +26,6 @@ pub(crate) struct Entry {
     pub expected_s: fn(&Size) -> f64,
     /// Whether it judges the casings that several panels share.
     pub uses_casings: bool,
-    /// Measures it.
     pub measure: fn(&Bench) -> Result<Panel>,
 }
 

@@ -29,7 +29,6 @@ const FIXED: usize = 0;
 const CONFIRMED: usize = 1;
 const DISSERTATION: usize = 2;
 
-/// A plan that is tried.
 struct Tried {
     label: &'static str,
     name: &'static str,
@@ -116,27 +115,11 @@ fn tried(is_full: bool) -> Vec<Tried> {
 fn measure(bench: &Bench) -> Result<Panel> {
     let groups = bench.groups()?;
     let stated = FuseConfig::default().re_inspect_rate;
-    let mut table = Table::new(
-        "plans",
-        "Every plan by simulator: seconds a casing, cracked shoulders that pass, by kind of crack and casing, and sound shoulders that \
-         do not pass where 2 % is stated",
-        &[
-            "simulator",
-            "plan",
-            "s_mean",
-            "s_p95",
-            "missed",
-            "missed_low",
-            "missed_high",
-            "faint_smooth",
-            "faint_rough",
-            "strong_smooth",
-            "strong_rough",
-            "not_passed",
-            "not_passed_low",
-            "not_passed_high",
-        ],
-    );
+    let title = "Every plan by simulator: seconds a casing, cracked shoulders that pass, by kind of crack and casing, and sound shoulders that \
+                 do not pass where 2 % is stated";
+    let columns = "simulator plan s_mean s_p95 missed missed_low missed_high faint_smooth faint_rough strong_smooth strong_rough \
+                   not_passed not_passed_low not_passed_high";
+    let mut table = Table::new("plans", title, columns.split(' '));
     let mut facets = Vec::new();
     let plans = tried(bench.size.is_full);
     for (number, simulator) in Simulator::ALL.into_iter().enumerate() {
@@ -150,16 +133,13 @@ fn measure(bench: &Bench) -> Result<Panel> {
             bench.progress.at((number as f64 + (place + 1) as f64 / plans.len() as f64) / Simulator::ALL.len() as f64);
         }
         facets.push(Facet {
-            name: simulator.name().to_owned(),
-            title: format!("Cracks of the simulator {}", simulator.name()),
             cost: Quantity::log("Time of a casing on the rig", "s"),
             error: Quantity::linear("Cracked shoulders that pass", "%"),
             tolerance: Tolerance { cost: 0.05, error: 1.0 },
-            truth: "the cracks that were planted".to_owned(),
-            seeds: bench.seeds().collect(),
             families: vec!["these taps and no others", "what stands out is tapped again", "the dissertation's index"],
             guides: vec![Guide { label: "shearography 45\u{2013}60 s", cost: SHEAROGRAPHY_S }],
             points,
+            ..bench.facet(simulator.name(), format!("Cracks of the simulator {}", simulator.name()))
         });
     }
     Ok(Panel {

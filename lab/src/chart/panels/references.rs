@@ -39,22 +39,18 @@ fn measure(bench: &Bench) -> Result<Panel> {
         facets.push(facet(bench, simulator, true, points(&missed_percent, |i| i.cracked.len())?));
         facets.push(facet(bench, simulator, false, points(&called_percent, |i| i.sound.len())?));
     }
-    Ok(Panel {
-        name: "references",
-        title: "How many sound casings must be known?",
-        question: "A shoulder is compared with its own casing, or with sound casings that were scanned before. What does a larger \
-                   reference buy?",
-        notes: vec![
+    Ok(Panel::new(
+        "How many sound casings must be known?",
+        "A shoulder is compared with its own casing, or with sound casings that were scanned before. What does a larger \
+         reference buy?",
+        [
             "Scans of one turn at each of four offsets, as in the panel `plans`; the reference is scanned likewise. The time is that of \
-             scanning its casings once. 2 % of sound shoulders may be called."
-                .to_owned(),
+             scanning its casings once. 2 % of sound shoulders may be called.",
             "A reference whose sound shoulders are called significantly more often than 2 % is hollow. There is no default: a run or a \
-             line must name its reference."
-                .to_owned(),
+             line must name its reference.",
         ],
         facets,
-        tables: Vec::new(),
-    })
+    ))
 }
 
 fn judging(group: &Group, casings: Option<usize>, taps: &ScanTaps) -> Result<Judging> {
@@ -90,15 +86,11 @@ fn facet(bench: &Bench, simulator: Simulator, is_missed: bool, points: Vec<Point
         false => ("called", "False calls", "Sound shoulders not passed"),
     };
     Facet {
-        name: format!("{}-{name}", simulator.name()),
-        title: format!("{title}, simulator {}", simulator.name()),
         cost: Quantity::linear("Time of the reference on the rig", "min"),
         error: Quantity::linear(error, "%"),
         tolerance: Tolerance { cost: 0.05, error: 1.0 },
-        truth: "the cracks that were planted".to_owned(),
-        seeds: bench.seeds().collect(),
         families: vec!["so many sound casings", "each casing by itself"],
-        guides: Vec::new(),
         points,
+        ..bench.facet(format!("{}-{name}", simulator.name()), format!("{title}, simulator {}", simulator.name()))
     }
 }

@@ -17,7 +17,6 @@ use crate::simulated::Simulator;
 pub(super) const ENTRY: Entry =
     Entry { name: "settings", expected_s: |size| if size.is_full { 110.0 } else { 5.0 }, uses_casings: false, measure };
 
-/// Families of the settings.
 const FAMILIES: [&str; 3] = ["tau", "F_max", "sound"];
 
 /// The default, and each setting changed alone.
@@ -71,33 +70,25 @@ fn measure(bench: &Bench) -> Result<Panel> {
             Ok(point.failing(failures[place].clone()))
         });
         Ok(Facet {
-            name: simulator.name().to_owned(),
-            title: format!("Cracks of the simulator {}", simulator.name()),
             cost: Quantity::log("Processor time of a tap, all discriminators", "\u{b5}s"),
             error: Quantity::log("Loss of detection, 1 \u{2212} AUC", ""),
             tolerance: TOLERANCE,
-            truth: "the cracks that were planted".to_owned(),
-            seeds: bench.seeds().collect(),
             families: FAMILIES.to_vec(),
-            guides: Vec::new(),
             points: points.collect::<Result<_>>()?,
+            ..bench.facet(simulator.name(), format!("Cracks of the simulator {}", simulator.name()))
         })
     };
-    Ok(Panel {
-        name: "settings",
-        title: "Which estimators find more cracks?",
-        question: "Each estimator, and the precision, is changed alone, in records of the default length: what does it cost, and does the \
-                   index find more with it?",
-        notes: vec![
+    Ok(Panel::new(
+        "Which estimators find more cracks?",
+        "Each estimator, and the precision, is changed alone, in records of the default length: what does it cost, and does the \
+         index find more with it?",
+        [
             "Scenes and reference are those of the panel `recording`: faint and strong cracks of smooth and of rough casings, and faint ones \
-             in eight times the noise. The rig's hum is 3 mV."
-                .to_owned(),
+             in eight times the noise. The rig's hum is 3 mV.",
             "The simulators do not agree on tau. With the impulse the index finds more cracks of `plate` in each of the seeds, by about the \
              tolerance, and no more of `model`. Neither values nearer to the contact (`width_02`) nor values with less bias from \
-             noise find more, because the index compares with places that have the same bias."
-                .to_owned(),
+             noise find more, because the index compares with places that have the same bias.",
         ],
-        facets: Simulator::ALL.into_iter().map(facet).collect::<Result<_>>()?,
-        tables: Vec::new(),
-    })
+        Simulator::ALL.into_iter().map(facet).collect::<Result<_>>()?,
+    ))
 }

@@ -58,7 +58,6 @@ struct Config {
     fuse: FuseConfig,
 }
 
-/// A way to read a slab.
 struct Way {
     label: &'static str,
     name: &'static str,
@@ -100,7 +99,6 @@ const WAYS: [Way; 6] = [
     },
 ];
 
-/// The taps of a slab.
 struct Taps {
     plan: Plan,
     all: Vec<(TapHeader, Vec<CacheLine>)>,
@@ -114,22 +112,18 @@ fn measure(bench: &Bench) -> Result<Panel> {
         }
         bench.progress.at((number + 1) as f64 / SLABS.len() as f64);
     }
-    Ok(Panel {
-        name: "slabs",
-        title: "What do recorded taps say?",
-        question: "Concrete slabs, hit by hand, with only the power ratio usable: do results on simulated tyres also hold on \
-                   recordings with a known truth?",
-        notes: vec![
+    Ok(Panel::new(
+        "What do recorded taps say?",
+        "Concrete slabs, hit by hand, with only the power ratio usable: do results on simulated tyres also hold on \
+         recordings with a known truth?",
+        [
             "Each line is compared with all lines of its slab, as the shipped configurations do. The cost is that of reading a tap, all \
-             discriminators, and judging it. Intervals draw whole lines; there is one recording of each, and no seed."
-                .to_owned(),
+             discriminators, and judging it. Intervals draw whole lines; there is one recording of each, and no seed.",
             "These records are 5 and 10 ms long, and ring until they end. Within the wide intervals of so few lines no part of them is \
-             better than all. For tyres most of a record of 0.4 s is useless, because their ringing is over after 25 ms or so."
-                .to_owned(),
+             better than all. For tyres most of a record of 0.4 s is useless, because their ringing is over after 25 ms or so.",
         ],
         facets,
-        tables: Vec::new(),
-    })
+    ))
 }
 
 fn taps(mut set: TapSet) -> Result<Taps> {
@@ -179,16 +173,14 @@ fn facet(bench: &Bench, slab: &Slab, taps: &Taps) -> Result<Facet> {
             .default_if(way.label == WAYS[0].label))
     });
     Ok(Facet {
-        name: slab.name.to_owned(),
-        title: slab.title.to_owned(),
         cost: Quantity::log("Processor time of a tap, read and judged", "\u{b5}s"),
         error: Quantity::log("Loss of detection, 1 \u{2212} AUC", ""),
         tolerance: Tolerance { cost: 0.15, error: 0.003 },
         truth: slab.truth.to_owned(),
         seeds: Vec::new(),
         families: vec!["precision", "part of the record", "the dissertation's index"],
-        guides: Vec::new(),
         points: points.collect::<Result<_>>()?,
+        ..bench.facet(slab.name, slab.title)
     })
 }
 

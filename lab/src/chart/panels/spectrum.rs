@@ -27,7 +27,6 @@ const RATE_HZ: f64 = 40_960.0;
 /// PR, P_f and E_f.
 type Powers = [f64; 3];
 
-/// A way to the powers.
 #[derive(Debug, Clone, Copy)]
 struct Way {
     precision: Precision,
@@ -110,21 +109,17 @@ fn measure(bench: &Bench) -> Result<Panel> {
         facet(bench, "arithmetic", "Taps without noise: arithmetic and definition", &ways, &costs, clean),
         facet(bench, "noise", "Taps with the simulated rig's noise", &ways, &costs, noisy),
     ];
-    Ok(Panel {
-        name: "spectrum",
-        title: "How must the spectrum be computed?",
-        question: "Single or double precision, all of a record or its beginning: what do they cost, and what do they change?",
-        notes: vec![
+    Ok(Panel::new(
+        "How must the spectrum be computed?",
+        "Single or double precision, all of a record or its beginning: what do they cost, and what do they change?",
+        [
             "The cost is that of all discriminators of a tap with their flags, force and sound of 16 bits. The error is the root mean \
-             square of the relative errors of PR, P_f and E_f over taps on sound and cracked places."
-                .to_owned(),
+             square of the relative errors of PR, P_f and E_f over taps on sound and cracked places.",
             "The truth is the periodogram of the whole record without noise, in double precision by another library. A shorter record \
-             leaves out the end of the ringing, which is its error without noise; with noise, it also leaves out noise."
-                .to_owned(),
+             leaves out the end of the ringing, which is its error without noise; with noise, it also leaves out noise.",
         ],
         facets,
-        tables: Vec::new(),
-    })
+    ))
 }
 
 /// Taps of a casing with a crack of medium depth under a tenth of them, with the rig's noise and hum or without.
@@ -211,15 +206,12 @@ fn facet(bench: &Bench, name: &str, title: &str, ways: &[Way], costs: &[Cost], b
         .failing(stability::of_spectrum(&way.config()))
     };
     Facet {
-        name: name.to_owned(),
-        title: title.to_owned(),
         cost: Quantity::log("Processor time of a tap, all discriminators", "\u{b5}s"),
         error: Quantity::log("Relative error of PR, P_f and E_f, rms", ""),
         tolerance: Tolerance { cost: 0.1, error: if name == "noise" { 0.005 } else { 1e-4 } },
         truth: "the periodogram of the whole record without noise, in double precision by realfft".to_owned(),
-        seeds: bench.seeds().collect(),
         families: vec!["single precision", "double precision"],
-        guides: Vec::new(),
         points: ways.iter().zip(costs).zip(by_seed).map(point).collect(),
+        ..bench.facet(name, title)
     }
 }

@@ -21,7 +21,6 @@ pub(super) const ENTRY: Entry = Entry {
 /// Sizes of a record. A tap of 0.4 s has 64 KiB, one of 0.05 s 8 KiB.
 const SIZES_KIB: [usize; 5] = [4, 16, 64, 256, 1024];
 
-/// Records per second of a paced run.
 const PACE_PER_S: u32 = 500;
 
 fn measure(bench: &Bench) -> Result<Panel> {
@@ -47,21 +46,18 @@ fn measure(bench: &Bench) -> Result<Panel> {
         facet(bench, "fast", "As fast as records go", &cases, &fast, |run| run.elapsed_us, "Time of a record"),
         facet(bench, "paced", "500 records a second", &cases, &paced, |run| run.p99_us, "Latency, 99 of 100 records"),
     ];
-    Ok(Panel {
-        name: "transport",
-        title: "How do records cross from process to process?",
-        question: "A producer and two consumers in processes of their own: what does a record cost, and how long is it under way?",
-        notes: vec![
+    Ok(Panel::new(
+        "How do records cross from process to process?",
+        "A producer and two consumers in processes of their own: what does a record cost, and how long is it under way?",
+        [
             "Each record is written by the producer and summed by both consumers, as `acquire`, `process` and `store` do. Through shared \
              memory it is written once and read in place; a socket and a pipe copy it twice, once for each consumer, through the \
-             kernel. Costs are of all three processes; errors are times, medians over alternating rounds."
-                .to_owned(),
-            "Lines join one way from 4 KiB to 1 MiB. Each size has a front of its own.".to_owned(),
-            "On a machine with other work, the 99th of 100 latencies is due to that work.".to_owned(),
+             kernel. Costs are of all three processes; errors are times, medians over alternating rounds.",
+            "Lines join one way from 4 KiB to 1 MiB. Each size has a front of its own.",
+            "On a machine with other work, the 99th of 100 latencies is due to that work.",
         ],
         facets,
-        tables: Vec::new(),
-    })
+    ))
 }
 
 fn facet(
@@ -90,8 +86,6 @@ fn facet(
             ))
     };
     Facet {
-        name: name.to_owned(),
-        title: title.to_owned(),
         cost: Quantity::log("Processor time of a record, three processes", "\u{b5}s"),
         error: Quantity::log(error, "\u{b5}s"),
         // Scheduling adds noise: differences of less than 20 us do not count.
@@ -99,7 +93,7 @@ fn facet(
         truth: "every record arrives whole and in order, or the run fails".to_owned(),
         seeds: vec![bench.seed],
         families: Way::ALL.map(Way::name).to_vec(),
-        guides: Vec::new(),
         points: cases.iter().zip(runs).map(point).collect(),
+        ..bench.facet(name, title)
     }
 }

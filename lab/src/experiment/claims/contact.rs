@@ -4,7 +4,7 @@ use anyhow::Result;
 use tapline_draw::stats::{mean, median};
 use tapline_wire::Discriminator;
 
-use super::{Agrees, Claim, digits, known, values};
+use super::{Claim, digits, known, values};
 use crate::experiment::dataset::{Experiment, Tap};
 use crate::experiment::spectrum::{BAND_HZ, STEP_HZ};
 
@@ -23,46 +23,31 @@ pub(super) fn claims(experiment: &Experiment) -> Result<Vec<Claim>> {
     let pair =
         |(sound, cracked): (f64, f64), scale: f64| format!("{} and {}", digits(sound * scale), digits(cracked * scale));
     Ok(vec![
-        Claim {
-            id: "force",
-            place: "5.4, Fig. 56",
-            claim: "over a crack the force is lower and lasts longer",
-            quantity: "medians of sound places and of severity 3",
-            dissertation: "",
-            ours: format!("F_max {} N, tau {} ms", pair(f_max, 1.0), pair(tau, 1e3)),
-            agrees: Agrees::from(f_max.1 < f_max.0 && tau.1 > tau.0),
-            remark: "Follows from the contact model; how compliant a crack in a casing is, is assumed.",
-        },
-        Claim {
-            id: "contact-time",
-            place: "5.4",
-            claim: "the contact at a sound place lasts 0.9 ms, so that f_c is 555 Hz",
-            quantity: "median tau of sound places, and 1/(2 tau)",
-            dissertation: "0.9 ms, 555 Hz",
-            ours: format!("{} ms, {} Hz", digits(tau.0 * 1e3), digits(f_c_hz)),
-            agrees: Agrees::from((tau.0 * 1e3 - 0.9).abs() < 0.09),
-            remark: "Within a tenth. Built so: the casing's modulus was set for this contact time.",
-        },
-        Claim {
-            id: "initial-area",
-            place: "5.4, Fig. 57",
-            claim: "the initial area of the sound is smaller at a sound place",
-            quantity: "median A_1 of sound places and of severity 3",
-            dissertation: "",
-            ours: format!("{} mV s", pair(a_1, 1e3)),
-            agrees: Agrees::from(a_1.1 > a_1.0),
-            remark: "Built so: the layer above a crack is heard by its deflection.",
-        },
-        Claim {
-            id: "power-above-f_c",
-            place: "5.4, Fig. 57",
-            claim: "above 550 Hz the power of the sound is greater over a crack",
-            quantity: "mean power of 550 to 2000 Hz, severity 3 over sound",
-            dissertation: "",
-            ours: format!("{} dB", digits(gain_db)),
-            agrees: Agrees::from(gain_db > 0.0),
-            remark: "Built so: the layer has a mode in that band.",
-        },
+        Claim::new("force", "5.4, Fig. 56")
+            .claim("over a crack the force is lower and lasts longer")
+            .quantity("medians of sound places and of severity 3")
+            .ours(format!("F_max {} N, tau {} ms", pair(f_max, 1.0), pair(tau, 1e3)))
+            .agrees(f_max.1 < f_max.0 && tau.1 > tau.0)
+            .remark("Follows from the contact model; how compliant a crack in a casing is, is assumed."),
+        Claim::new("contact-time", "5.4")
+            .claim("the contact at a sound place lasts 0.9 ms, so that f_c is 555 Hz")
+            .quantity("median tau of sound places, and 1/(2 tau)")
+            .dissertation("0.9 ms, 555 Hz")
+            .ours(format!("{} ms, {} Hz", digits(tau.0 * 1e3), digits(f_c_hz)))
+            .agrees((tau.0 * 1e3 - 0.9).abs() < 0.09)
+            .remark("Within a tenth. Built so: the casing's modulus was set for this contact time."),
+        Claim::new("initial-area", "5.4, Fig. 57")
+            .claim("the initial area of the sound is smaller at a sound place")
+            .quantity("median A_1 of sound places and of severity 3")
+            .ours(format!("{} mV s", pair(a_1, 1e3)))
+            .agrees(a_1.1 > a_1.0)
+            .remark("Built so: the layer above a crack is heard by its deflection."),
+        Claim::new("power-above-f_c", "5.4, Fig. 57")
+            .claim("above 550 Hz the power of the sound is greater over a crack")
+            .quantity("mean power of 550 to 2000 Hz, severity 3 over sound")
+            .ours(format!("{} dB", digits(gain_db)))
+            .agrees(gain_db > 0.0)
+            .remark("Built so: the layer has a mode in that band."),
     ])
 }
 

@@ -5,7 +5,7 @@ use anyhow::Result;
 use tapline_draw::stats::{mean, median, range, rmse, sd};
 use tapline_wire::Discriminator;
 
-use super::{Agrees, Claim, auc_of, digits, extreme, known, list, named, rises, values};
+use super::{Claim, auc_of, digits, extreme, known, list, named, rises, values};
 use crate::experiment::SEVEN;
 use crate::experiment::dataset::{Experiment, Tap};
 use crate::experiment::figures::{SIX, repeats};
@@ -44,65 +44,46 @@ fn repetitions(turns: &[Vec<&Tap>; 2]) -> Result<Vec<Claim>> {
     let (of_a_2, of_e_f, of_p_f, of_pr) = (of_a_2?, of_e_f?, of_p_f?, of_pr?);
     let worst = extreme(numbers(&six), 1.0)?;
     Ok(vec![
-        Claim {
-            id: "a2-repeats-worst",
-            place: "5.4.3, Fig. 64",
-            claim: "A_2 repeats much worse than the other six, and is left out",
-            quantity: "Nor_RMSE of A_2, and the greatest of the others",
-            dissertation: "",
-            ours: format!("{} and {}", digits(of_a_2), digits(worst)),
-            agrees: Agrees::from(of_a_2 > 1.5 * worst),
-            remark: "Half as much again. Eq. 54 divides by the range, and the simulated cracks hardly move A_2: this, \
+        Claim::new("a2-repeats-worst", "5.4.3, Fig. 64")
+            .claim("A_2 repeats much worse than the other six, and is left out")
+            .quantity("Nor_RMSE of A_2, and the greatest of the others")
+            .ours(format!("{} and {}", digits(of_a_2), digits(worst)))
+            .agrees(of_a_2 > 1.5 * worst)
+            .remark("Half as much again. Eq. 54 divides by the range, and the simulated cracks hardly move A_2: this, \
                      not its scatter, makes its figure large. The room's attenuation, which the dissertation suspects, is not \
-                     simulated.",
-        },
-        Claim {
-            id: "repeats-small",
-            place: "5.4.3, Fig. 68",
-            claim: "all discriminators of the index repeat very well",
-            quantity: "Nor_RMSE (Eq. 54) of the seven",
-            dissertation: "very small",
-            ours: named(&by_range),
-            agrees: Agrees::from(worst < 0.05),
-            remark: "All six below 0.05. Repeatability is a setting of the simulated rig (1 %), and Eq. 54 divides by a range \
-                     that the cracks widen.",
-        },
-        Claim {
-            id: "repeats-by-healthy-sd",
-            place: "5.4.3, Fig. 68",
-            claim: "a tap scatters little against sound places, not only against the range that cracks widen",
-            quantity: "standard deviation within a sound location over that of all sound locations, of the seven",
-            dissertation: "",
-            ours: named(&by_sd),
-            agrees: Agrees::from(numbers(&by_sd).all(|ratio| ratio < 0.5)),
-            remark: "All below 0.5: implied by the use of Eq. 54, not said. The simulated casing varies around the ring \
-                     hardly more than a tap scatters, an assumption.",
-        },
-        Claim {
-            id: "e_f-repeats-better-than-p_f",
-            place: "5.4.3, Fig. 68",
-            claim: "E_f repeats much better than P_f",
-            quantity: "Nor_RMSE of E_f and of P_f",
-            dissertation: "",
-            ours: format!("{} and {}", digits(of_e_f), digits(of_p_f)),
-            agrees: Agrees::from(of_e_f < 0.75 * of_p_f),
-            remark: "Three quarters or less. The simulated spectrum has one smooth peak; a tyre's has many, of which one is the \
-                     largest by chance.",
-        },
-        Claim {
-            id: "pr-repeats-best",
-            place: "5.4.3, Fig. 68",
-            claim: "PR repeats best, as a ratio that is free of the measurement's scale",
-            quantity: "Nor_RMSE of PR, and the least of the other six",
-            dissertation: "",
-            ours: format!(
+                     simulated."),
+        Claim::new("repeats-small", "5.4.3, Fig. 68")
+            .claim("all discriminators of the index repeat very well")
+            .quantity("Nor_RMSE (Eq. 54) of the seven")
+            .dissertation("very small")
+            .ours(named(&by_range))
+            .agrees(worst < 0.05)
+            .remark("All six below 0.05. Repeatability is a setting of the simulated rig (1 %), and Eq. 54 divides by a range \
+                     that the cracks widen."),
+        Claim::new("repeats-by-healthy-sd", "5.4.3, Fig. 68")
+            .claim("a tap scatters little against sound places, not only against the range that cracks widen")
+            .quantity("standard deviation within a sound location over that of all sound locations, of the seven")
+            .ours(named(&by_sd))
+            .agrees(numbers(&by_sd).all(|ratio| ratio < 0.5))
+            .remark("All below 0.5: implied by the use of Eq. 54, not said. The simulated casing varies around the ring \
+                     hardly more than a tap scatters, an assumption."),
+        Claim::new("e_f-repeats-better-than-p_f", "5.4.3, Fig. 68")
+            .claim("E_f repeats much better than P_f")
+            .quantity("Nor_RMSE of E_f and of P_f")
+            .ours(format!("{} and {}", digits(of_e_f), digits(of_p_f)))
+            .agrees(of_e_f < 0.75 * of_p_f)
+            .remark("Three quarters or less. The simulated spectrum has one smooth peak; a tyre's has many, of which one is the \
+                     largest by chance."),
+        Claim::new("pr-repeats-best", "5.4.3, Fig. 68")
+            .claim("PR repeats best, as a ratio that is free of the measurement's scale")
+            .quantity("Nor_RMSE of PR, and the least of the other six")
+            .ours(format!(
                 "{} and {}",
                 digits(of_pr),
                 digits(extreme(by_range.iter().filter(|(which, _)| *which != Pr).map(|(_, value)| *value), -1.0)?)
-            ),
-            agrees: Agrees::from(numbers(&by_range).all(|value| value >= of_pr)),
-            remark: "A ratio is free of loudness in the simulation too.",
-        },
+            ))
+            .agrees(numbers(&by_range).all(|value| value >= of_pr))
+            .remark("A ratio is free of loudness in the simulation too."),
     ])
 }
 
@@ -118,16 +99,14 @@ fn fluctuations(turn: &[&Tap]) -> Result<Claim> {
     let force = each([FMax, Tau], |which| fluctuation(turn, which))?;
     let sound = each([A1, Pr, Pf, Ef], |which| fluctuation(turn, which))?;
     let least = extreme(numbers(&force), -1.0)?;
-    Ok(Claim {
-        id: "force-fluctuates",
-        place: "5.4.3, Figs. 63, 64",
-        claim: "F_max and tau fluctuate more around the ring than the discriminators of the sound",
-        quantity: "step between sound neighbours over the range",
-        dissertation: "",
-        ours: format!("{}; {}", named(&force), named(&sound)),
-        agrees: Agrees::from(numbers(&sound).all(|value| value < least)),
-        remark: "Both above all four. Stiffness and loudness change alike from place to place of the simulation (0.4 %).",
-    })
+    Ok(Claim::new("force-fluctuates", "5.4.3, Figs. 63, 64")
+        .claim("F_max and tau fluctuate more around the ring than the discriminators of the sound")
+        .quantity("step between sound neighbours over the range")
+        .ours(format!("{}; {}", named(&force), named(&sound)))
+        .agrees(numbers(&sound).all(|value| value < least))
+        .remark(
+            "Both above all four. Stiffness and loudness change alike from place to place of the simulation (0.4 %).",
+        ))
 }
 
 fn severity(turn: &[&Tap]) -> Result<Vec<Claim>> {
@@ -142,38 +121,30 @@ fn severity(turn: &[&Tap]) -> Result<Vec<Claim>> {
     let late = |means: &[f64]| (means[3] - means[1]) / (means[3] - means[0]);
     let (of_force, of_sound) = ([late(&f_max), late(&tau)], [late(&a_1), late(&pr)]);
     Ok(vec![
-        Claim {
-            id: "severity-force",
-            place: "5.4.3, Fig. 66",
-            claim: "the worse the crack, the smaller F_max and the longer tau",
-            quantity: "means at severity 0, 1, 2, 3: F_max in N; tau in ms",
-            dissertation: "",
-            ours: format!("{}; {}", list(&f_max, ", "), scaled(&tau, 1e3)),
-            agrees: Agrees::from(rises(&falling) && rises(&tau)),
-            remark: "Step by step. Severity is the compliance of the planted layer, of which the force is made; the \
-                     dissertation's is a subjective rating of shearography.",
-        },
-        Claim {
-            id: "severity-sound",
-            place: "5.4.3, Fig. 67",
-            claim: "the worse the crack, the greater A_1 and PR",
-            quantity: "means at severity 0, 1, 2, 3: A_1 in mV s; PR",
-            dissertation: "",
-            ours: format!("{}; {}", scaled(&a_1, 1e3), list(&pr, ", ")),
-            agrees: Agrees::from(rises(&a_1) && rises(&pr)),
-            remark: "Step by step. The direction was built in.",
-        },
-        Claim {
-            id: "severity-saturates",
-            place: "5.4.3, Figs. 66, 67",
-            claim: "A_1 and PR change less and less as severity grows, F_max and tau do not",
-            quantity: "share of the change that comes after severity 1: F_max, tau; A_1, PR",
-            dissertation: "",
-            ours: format!("{}; {}", list(&of_force, ", "), list(&of_sound, ", ")),
-            agrees: Agrees::from(of_sound.iter().all(|sound| of_force.iter().all(|force| sound < force))),
-            remark: "Both of the sound below both of the force. The scale decides the slope: ours is a compliance, the \
-                     dissertation's the height of a speckle.",
-        },
+        Claim::new("severity-force", "5.4.3, Fig. 66")
+            .claim("the worse the crack, the smaller F_max and the longer tau")
+            .quantity("means at severity 0, 1, 2, 3: F_max in N; tau in ms")
+            .ours(format!("{}; {}", list(&f_max, ", "), scaled(&tau, 1e3)))
+            .agrees(rises(&falling) && rises(&tau))
+            .remark(
+                "Step by step. Severity is the compliance of the planted layer, of which the force is made; the \
+                 dissertation's is a subjective rating of shearography.",
+            ),
+        Claim::new("severity-sound", "5.4.3, Fig. 67")
+            .claim("the worse the crack, the greater A_1 and PR")
+            .quantity("means at severity 0, 1, 2, 3: A_1 in mV s; PR")
+            .ours(format!("{}; {}", scaled(&a_1, 1e3), list(&pr, ", ")))
+            .agrees(rises(&a_1) && rises(&pr))
+            .remark("Step by step. The direction was built in."),
+        Claim::new("severity-saturates", "5.4.3, Figs. 66, 67")
+            .claim("A_1 and PR change less and less as severity grows, F_max and tau do not")
+            .quantity("share of the change that comes after severity 1: F_max, tau; A_1, PR")
+            .ours(format!("{}; {}", list(&of_force, ", "), list(&of_sound, ", ")))
+            .agrees(of_sound.iter().all(|sound| of_force.iter().all(|force| sound < force)))
+            .remark(
+                "Both of the sound below both of the force. The scale decides the slope: ours is a compliance, the \
+                 dissertation's the height of a speckle.",
+            ),
     ])
 }
 
@@ -203,37 +174,25 @@ fn cracked_and_sound(turn: &[&Tap]) -> Result<Vec<Claim>> {
         Ok(if which == FMax { 1.0 - auc } else { auc })
     })?;
     Ok(vec![
-        Claim {
-            id: "sound-tells-better",
-            place: "5.4.3, Figs. 66, 67",
-            claim: "the sound separates cracked from sound places better than the force",
-            quantity: "distance of the medians in standard deviations of sound places: F_max, tau; A_1, PR",
-            dissertation: "",
-            ours: format!("{}; {}", named(&force), named(&sound)),
-            agrees: Agrees::from(numbers(&sound).all(|value| value > greatest)),
-            remark: "Both of the sound above both of the force. How much force and sound scatter from tap to tap is one setting \
-                     here (1 %), and decides this order.",
-        },
-        Claim {
-            id: "boxes-apart",
-            place: "5.4.3, Fig. 69",
-            claim: "each of the discriminators separates cracked from sound places",
-            quantity: "AUC of each alone",
-            dissertation: "",
-            ours: named(&single),
-            agrees: Agrees::from(numbers(&single).all(|auc| auc > 0.9)),
-            remark: "All six above 0.9, from one tap a place; F_max with its sign reversed. How strong the cracks are is our choice.",
-        },
-        Claim {
-            id: "boxes-spread",
-            place: "5.4.3, Fig. 69",
-            claim: "the box should be wide over cracks and narrow over sound places; PR and E_f show this least",
-            quantity: "height of the box over cracks over that of sound places",
-            dissertation: "",
-            ours: named(&spread),
-            agrees: Agrees::from(others.iter().all(|other| *other > of_pr && *other > of_e_f)),
-            remark: "PR and E_f below F_max, tau, A_1 and P_f. The height over cracks is that of the three grades which we \
-                     planted.",
-        },
+        Claim::new("sound-tells-better", "5.4.3, Figs. 66, 67")
+            .claim("the sound separates cracked from sound places better than the force")
+            .quantity("distance of the medians in standard deviations of sound places: F_max, tau; A_1, PR")
+            .ours(format!("{}; {}", named(&force), named(&sound)))
+            .agrees(numbers(&sound).all(|value| value > greatest))
+            .remark("Both of the sound above both of the force. How much force and sound scatter from tap to tap is one setting \
+                     here (1 %), and decides this order."),
+        Claim::new("boxes-apart", "5.4.3, Fig. 69")
+            .claim("each of the discriminators separates cracked from sound places")
+            .quantity("AUC of each alone")
+            .ours(named(&single))
+            .agrees(numbers(&single).all(|auc| auc > 0.9))
+            .remark("All six above 0.9, from one tap a place; F_max with its sign reversed. How strong the cracks are is our choice."),
+        Claim::new("boxes-spread", "5.4.3, Fig. 69")
+            .claim("the box should be wide over cracks and narrow over sound places; PR and E_f show this least")
+            .quantity("height of the box over cracks over that of sound places")
+            .ours(named(&spread))
+            .agrees(others.iter().all(|other| *other > of_pr && *other > of_e_f))
+            .remark("PR and E_f below F_max, tau, A_1 and P_f. The height over cracks is that of the three grades which we \
+                     planted."),
     ])
 }

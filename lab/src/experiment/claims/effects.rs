@@ -4,7 +4,7 @@ use anyhow::{Context as _, Result};
 use tapline_draw::stats::{mean, median, range, sd};
 use tapline_wire::Discriminator;
 
-use super::{Agrees, Claim, auc_of, digits, extreme, known, list, rises, values};
+use super::{Claim, auc_of, digits, extreme, known, list, rises, values};
 use crate::experiment::dataset::{Experiment, Tap};
 use crate::experiment::tyres::{CRACKED_SPOT, SLOWEST_M_PER_S, SOUND_SPOT};
 
@@ -47,59 +47,41 @@ fn offsets(experiment: &Experiment) -> Result<Vec<Claim>> {
     let sound = values(at_edge, |tap| !tap.is_cracked(), peak);
     let above = (known(mean(&unseen))? - known(mean(&sound))?) / known(sd(&sound))?;
     Ok(vec![
-        Claim {
-            id: "offset-contrast",
-            place: "5.4.1, Fig. 60",
-            claim: "at the belt edge the peak of the sound separates cracked from sound places best",
-            quantity: "largest peak over the median of sound places, at 0, 5, 10, 15 mm",
-            dissertation: "1.4 V over 0.4 V, 3.5, at 0 mm",
-            ours: list(&ratios, ", "),
-            agrees: Agrees::from(ratios.iter().skip(1).all(|ratio| *ratio < ratios[0])),
-            remark: "Built so: a crack gapes at the belt edge and closes towards its tip. The size of the contrast is in \
-                     the next row.",
-        },
-        Claim {
-            id: "offset-contrast-size",
-            place: "5.4.1, Fig. 60",
-            claim: "over the worst crack the sound peaks 3.5 times as high",
-            quantity: "largest peak, median of sound places, their ratio, at 0 mm",
-            dissertation: "1.4 V, 0.4 V, 3.5",
-            ours: format!("{} V, {} V, {}", digits(peaks[0].1), digits(peaks[0].0), digits(ratios[0])),
-            agrees: Agrees::from((ratios[0] / 3.5 - 1.0).abs() < 0.25),
-            remark: "Within a quarter. The simulated layer adds less to the peak of the sound, which the casing's own modes \
-                     make, than to its spectrum.",
-        },
-        Claim {
-            id: "offset-level",
-            place: "5.4.1, Fig. 60",
-            claim: "towards the centre, where the casing is thinner, the sound is louder",
-            quantity: "median peak of sound places in V, at 0, 5, 10, 15 mm",
-            dissertation: "",
-            ours: list(&levels, ", "),
-            agrees: Agrees::from(rises(&levels)),
-            remark: "Built so: loudness grows by 1 % a mm.",
-        },
-        Claim {
-            id: "offset-span",
-            place: "5.4.1, Fig. 60",
-            claim: "the farther from the belt edge, the smaller the span of the curve; at 15 mm it is almost flat",
-            quantity: "largest less smallest peak in V, at 0, 5, 10, 15 mm",
-            dissertation: "about 1 V at 0 mm",
-            ours: list(&spans, ", "),
-            agrees: Agrees::from(rises(&falling) && flat.is_some_and(|flat| flat < 0.35)),
-            remark: "Falling, and at 15 mm below 0.35 of that at 0 mm. Built to fall: the effect of a crack falls as a \
-                     squared cosine over its length, but for the longest, 25 mm, a third remains at 15 mm.",
-        },
-        Claim {
-            id: "unseen-crack",
-            place: "5.4.1, Fig. 60",
-            claim: "tapping finds from 75 to 120 degrees what shearography misses",
-            quantity: "mean peak over the faint crack planted there, above that of sound places, in their standard deviations",
-            dissertation: "",
-            ours: digits(above),
-            agrees: Agrees::NotTestable,
-            remark: "There is no shearography here, and what is planted is known.",
-        },
+        Claim::new("offset-contrast", "5.4.1, Fig. 60")
+            .claim("at the belt edge the peak of the sound separates cracked from sound places best")
+            .quantity("largest peak over the median of sound places, at 0, 5, 10, 15 mm")
+            .dissertation("1.4 V over 0.4 V, 3.5, at 0 mm")
+            .ours(list(&ratios, ", "))
+            .agrees(ratios.iter().skip(1).all(|ratio| *ratio < ratios[0]))
+            .remark("Built so: a crack gapes at the belt edge and closes towards its tip. The size of the contrast is in \
+                     the next row."),
+        Claim::new("offset-contrast-size", "5.4.1, Fig. 60")
+            .claim("over the worst crack the sound peaks 3.5 times as high")
+            .quantity("largest peak, median of sound places, their ratio, at 0 mm")
+            .dissertation("1.4 V, 0.4 V, 3.5")
+            .ours(format!("{} V, {} V, {}", digits(peaks[0].1), digits(peaks[0].0), digits(ratios[0])))
+            .agrees((ratios[0] / 3.5 - 1.0).abs() < 0.25)
+            .remark("Within a quarter. The simulated layer adds less to the peak of the sound, which the casing's own modes \
+                     make, than to its spectrum."),
+        Claim::new("offset-level", "5.4.1, Fig. 60")
+            .claim("towards the centre, where the casing is thinner, the sound is louder")
+            .quantity("median peak of sound places in V, at 0, 5, 10, 15 mm")
+            .ours(list(&levels, ", "))
+            .agrees(rises(&levels))
+            .remark("Built so: loudness grows by 1 % a mm."),
+        Claim::new("offset-span", "5.4.1, Fig. 60")
+            .claim("the farther from the belt edge, the smaller the span of the curve; at 15 mm it is almost flat")
+            .quantity("largest less smallest peak in V, at 0, 5, 10, 15 mm")
+            .dissertation("about 1 V at 0 mm")
+            .ours(list(&spans, ", "))
+            .agrees(rises(&falling) && flat.is_some_and(|flat| flat < 0.35))
+            .remark("Falling, and at 15 mm below 0.35 of that at 0 mm. Built to fall: the effect of a crack falls as a \
+                     squared cosine over its length, but for the longest, 25 mm, a third remains at 15 mm."),
+        Claim::new("unseen-crack", "5.4.1, Fig. 60")
+            .claim("tapping finds from 75 to 120 degrees what shearography misses")
+            .quantity("mean peak over the faint crack planted there, above that of sound places, in their standard deviations")
+            .ours(digits(above))
+            .remark("There is no shearography here, and what is planted is known."),
     ])
 }
 
@@ -146,48 +128,33 @@ fn one_place(experiment: &Experiment) -> Result<Vec<Claim>> {
     let typical = |part: &[(f64, f64)]| known(median(&part.iter().map(|p| p.1).collect::<Vec<_>>()));
     let (slow, fast) = (typical(&slow)?, typical(&fast)?);
     Ok(vec![
-        Claim {
-            id: "velocity-shortens",
-            place: "5.4.2, Fig. 61",
-            claim: "the faster the impact, the shorter the contact",
-            quantity: "exponent of velocity in tau, at a sound place and over a crack",
-            dissertation: "",
-            ours: list(&exponents, " and "),
-            agrees: Agrees::from(exponents.iter().all(|exponent| *exponent < 0.0)),
-            remark: "Follows from the contact of Hertz, which has -0.2, damped or not; the layer above a crack has a time of its own.",
-        },
-        Claim {
-            id: "velocity-flattens",
-            place: "5.4.2, Fig. 61",
-            claim: "above 1.4 V_0 the contact time hardly changes any more",
-            quantity: "slope of tau over velocity above 1.4 V_0 over that below, at a sound place and over a crack",
-            dissertation: "almost 0",
-            ours: list(&flatness, " and "),
-            agrees: Agrees::from(flatness.iter().all(|slope| slope.abs() < 0.25)),
-            remark: "Below a quarter. A power law in velocity never levels off.",
-        },
-        Claim {
-            id: "velocity-irregular",
-            place: "5.4.2, Fig. 61",
-            claim: "at high velocity the contact time is irregular",
-            quantity: "scatter of tau in %, at the five lowest and the five highest velocities",
-            dissertation: "",
-            ours: format!("{} and {}", digits(ends.0), digits(ends.1)),
-            agrees: Agrees::from(ends.1 > 1.5 * ends.0),
-            remark: "Half as much again. The simulated velocity jitters by the same share at all velocities, and a greater \
-                     force stands further out of the noise; a real impactor need not be as good.",
-        },
-        Claim {
-            id: "velocity-usable",
-            place: "5.4.2",
-            claim: "the velocity must stay below 2 m/s for the contact time to show cracks",
-            quantity: "distance of cracked from sound tau in standard deviations of a tap, up to 2 m/s and above",
-            dissertation: "",
-            ours: format!("{} and {}", digits(slow), digits(fast)),
-            agrees: Agrees::from(fast < 0.5 * slow),
-            remark: "Less than half above 2 m/s. The contrast of the model falls slowly with velocity; its force sensor \
-                     holds to 8 m/s.",
-        },
+        Claim::new("velocity-shortens", "5.4.2, Fig. 61")
+            .claim("the faster the impact, the shorter the contact")
+            .quantity("exponent of velocity in tau, at a sound place and over a crack")
+            .ours(list(&exponents, " and "))
+            .agrees(exponents.iter().all(|exponent| *exponent < 0.0))
+            .remark("Follows from the contact of Hertz, which has -0.2, damped or not; the layer above a crack has a time of its own."),
+        Claim::new("velocity-flattens", "5.4.2, Fig. 61")
+            .claim("above 1.4 V_0 the contact time hardly changes any more")
+            .quantity("slope of tau over velocity above 1.4 V_0 over that below, at a sound place and over a crack")
+            .dissertation("almost 0")
+            .ours(list(&flatness, " and "))
+            .agrees(flatness.iter().all(|slope| slope.abs() < 0.25))
+            .remark("Below a quarter. A power law in velocity never levels off."),
+        Claim::new("velocity-irregular", "5.4.2, Fig. 61")
+            .claim("at high velocity the contact time is irregular")
+            .quantity("scatter of tau in %, at the five lowest and the five highest velocities")
+            .ours(format!("{} and {}", digits(ends.0), digits(ends.1)))
+            .agrees(ends.1 > 1.5 * ends.0)
+            .remark("Half as much again. The simulated velocity jitters by the same share at all velocities, and a greater \
+                     force stands further out of the noise; a real impactor need not be as good."),
+        Claim::new("velocity-usable", "5.4.2")
+            .claim("the velocity must stay below 2 m/s for the contact time to show cracks")
+            .quantity("distance of cracked from sound tau in standard deviations of a tap, up to 2 m/s and above")
+            .ours(format!("{} and {}", digits(slow), digits(fast)))
+            .agrees(fast < 0.5 * slow)
+            .remark("Less than half above 2 m/s. The contrast of the model falls slowly with velocity; its force sensor \
+                     holds to 8 m/s."),
     ])
 }
 
@@ -215,35 +182,23 @@ fn velocities(experiment: &Experiment) -> Result<Vec<Claim>> {
     let least = extreme(tau_auc.iter().chain(&peak_auc).copied(), -1.0)?;
     let milli: Vec<f64> = tau_spans.iter().map(|span_s| span_s * 1e3).collect();
     Ok(vec![
-        Claim {
-            id: "velocity-all-tell",
-            place: "5.4.2, Fig. 62",
-            claim: "contact time and peak of the sound show the cracks at all three velocities",
-            quantity: "AUC of tau, and of the peak, at 1.2, 1.5, 1.85 m/s",
-            dissertation: "",
-            ours: format!("{}; {}", list(&tau_auc, ", "), list(&peak_auc, ", ")),
-            agrees: Agrees::from(least > 0.9),
-            remark: "All above 0.9; cracked is severity 1 and above.",
-        },
-        Claim {
-            id: "velocity-same-span",
-            place: "5.4.2, Fig. 62",
-            claim: "velocity shifts both curves without much change of their span",
-            quantity: "spans of tau in ms, and of the peak in V, at 1.2, 1.5, 1.85 m/s",
-            dissertation: "",
-            ours: format!("{}; {}", list(&milli, ", "), list(&peak_spans, ", ")),
-            agrees: Agrees::from(widest(&tau_spans)? < 1.2 && by_velocity < 1.2),
-            remark: "Within a fifth, both. Sound that is proportional to force is scaled by velocity, not shifted.",
-        },
-        Claim {
-            id: "velocity-below-location",
-            place: "5.4.2",
-            claim: "velocity matters far less than the location of impact",
-            quantity: "widest over narrowest span of the peak, by velocity and by offset",
-            dissertation: "",
-            ours: format!("{} and {}", digits(by_velocity), digits(by_offset)),
-            agrees: Agrees::from(by_velocity < 0.5 * by_offset),
-            remark: "Less than half, for 1.2 to 1.85 m/s against 0 to 15 mm. Built so as far as the offset goes.",
-        },
+        Claim::new("velocity-all-tell", "5.4.2, Fig. 62")
+            .claim("contact time and peak of the sound show the cracks at all three velocities")
+            .quantity("AUC of tau, and of the peak, at 1.2, 1.5, 1.85 m/s")
+            .ours(format!("{}; {}", list(&tau_auc, ", "), list(&peak_auc, ", ")))
+            .agrees(least > 0.9)
+            .remark("All above 0.9; cracked is severity 1 and above."),
+        Claim::new("velocity-same-span", "5.4.2, Fig. 62")
+            .claim("velocity shifts both curves without much change of their span")
+            .quantity("spans of tau in ms, and of the peak in V, at 1.2, 1.5, 1.85 m/s")
+            .ours(format!("{}; {}", list(&milli, ", "), list(&peak_spans, ", ")))
+            .agrees(widest(&tau_spans)? < 1.2 && by_velocity < 1.2)
+            .remark("Within a fifth, both. Sound that is proportional to force is scaled by velocity, not shifted."),
+        Claim::new("velocity-below-location", "5.4.2")
+            .claim("velocity matters far less than the location of impact")
+            .quantity("widest over narrowest span of the peak, by velocity and by offset")
+            .ours(format!("{} and {}", digits(by_velocity), digits(by_offset)))
+            .agrees(by_velocity < 0.5 * by_offset)
+            .remark("Less than half, for 1.2 to 1.85 m/s against 0 to 15 mm. Built so as far as the offset goes."),
     ])
 }

@@ -53,58 +53,36 @@ fn both_shoulders(experiment: &Experiment) -> Result<Vec<Claim>> {
     };
     let ratio = beginning(true)? / beginning(false)?;
     Ok(vec![
-        Claim {
-            id: "second-shoulder-calm",
-            place: "5.4.3, Figs. 70, 71",
-            claim: "the sound shoulder varies much less than the cracked one",
-            quantity: "range of shoulder 2 over that of shoulder 1",
-            dissertation: "",
-            ours: named(&spans),
-            agrees: Agrees::from(spans.iter().all(|(_, ratio)| *ratio < 0.5)),
-            remark: "All six less than half. Built so: there is no crack in shoulder 2.",
-        },
-        Claim {
-            id: "second-shoulder-f_max",
-            place: "5.4.3, Fig. 70",
-            claim: "F_max of shoulder 2 lies above that of cracked places and where the sound places of shoulder 1 lie",
-            quantity: "median F_max in N, of cracked places, of sound places, of shoulder 2",
-            dissertation: "",
-            ours: list(&f_max, ", "),
-            agrees: Agrees::from(f_max[2] > f_max[0] && (f_max[2] / f_max[1] - 1.0).abs() < 0.05),
-            remark: "Above, and within 5 % of the sound places. Shoulders differ by 1 % in the simulation, an assumption.",
-        },
-        Claim {
-            id: "second-shoulder-pr",
-            place: "5.4.3, Fig. 71",
-            claim: "PR of shoulder 2 lies above that of cracked places: it falls over a crack",
-            quantity: "median PR, of cracked places, of sound places, of shoulder 2",
-            dissertation: "",
-            ours: list(&pr, ", "),
-            agrees: Agrees::from(pr[2] > pr[0]),
-            remark: "Against the dissertation's own Table 13 and Fig. 67, and against recorded slabs (`docs/dissertation.md`), where \
-                     PR rises. The simulation was built to rise.",
-        },
-        Claim {
-            id: "second-shoulder-others",
-            place: "5.4.3, Figs. 70, 71",
-            claim: "tau, A_1, P_f and E_f of shoulder 2 lie below those of the sound places of shoulder 1",
-            quantity: "medians of shoulder 2 against those sound places, in %",
-            dissertation: "",
-            ours: named(&others),
-            agrees: Agrees::NotTestable,
-            remark: "A sound place of the simulation is the same on both shoulders; what is left is the shoulders' own \
-                     scatter, whose sign changes with the seed.",
-        },
-        Claim {
-            id: "second-shoulder-beginning",
-            place: "5.4.3, Figs. 70, 71",
-            claim: "variations from 0 to 100 degrees of shoulder 2 may be cracks that begin",
-            quantity: "standard deviation of tau there over that of the rest",
-            dissertation: "",
-            ours: digits(ratio),
-            agrees: Agrees::NotTestable,
-            remark: "Nothing is planted in shoulder 2.",
-        },
+        Claim::new("second-shoulder-calm", "5.4.3, Figs. 70, 71")
+            .claim("the sound shoulder varies much less than the cracked one")
+            .quantity("range of shoulder 2 over that of shoulder 1")
+            .ours(named(&spans))
+            .agrees(spans.iter().all(|(_, ratio)| *ratio < 0.5))
+            .remark("All six less than half. Built so: there is no crack in shoulder 2."),
+        Claim::new("second-shoulder-f_max", "5.4.3, Fig. 70")
+            .claim("F_max of shoulder 2 lies above that of cracked places and where the sound places of shoulder 1 lie")
+            .quantity("median F_max in N, of cracked places, of sound places, of shoulder 2")
+            .ours(list(&f_max, ", "))
+            .agrees(f_max[2] > f_max[0] && (f_max[2] / f_max[1] - 1.0).abs() < 0.05)
+            .remark("Above, and within 5 % of the sound places. Shoulders differ by 1 % in the simulation, an assumption."),
+        Claim::new("second-shoulder-pr", "5.4.3, Fig. 71")
+            .claim("PR of shoulder 2 lies above that of cracked places: it falls over a crack")
+            .quantity("median PR, of cracked places, of sound places, of shoulder 2")
+            .ours(list(&pr, ", "))
+            .agrees(pr[2] > pr[0])
+            .remark("Against the dissertation's own Table 13 and Fig. 67, and against recorded slabs (`docs/dissertation.md`), where \
+                     PR rises. The simulation was built to rise."),
+        Claim::new("second-shoulder-others", "5.4.3, Figs. 70, 71")
+            .claim("tau, A_1, P_f and E_f of shoulder 2 lie below those of the sound places of shoulder 1")
+            .quantity("medians of shoulder 2 against those sound places, in %")
+            .ours(named(&others))
+            .remark("A sound place of the simulation is the same on both shoulders; what is left is the shoulders' own \
+                     scatter, whose sign changes with the seed."),
+        Claim::new("second-shoulder-beginning", "5.4.3, Figs. 70, 71")
+            .claim("variations from 0 to 100 degrees of shoulder 2 may be cracks that begin")
+            .quantity("standard deviation of tau there over that of the rest")
+            .ours(digits(ratio))
+            .remark("Nothing is planted in shoulder 2."),
     ])
 }
 
@@ -157,94 +135,64 @@ fn damage(experiment: &Experiment) -> Result<Vec<Claim>> {
     let (turned_auc, turned_sound) = (auc_in(&turned)?, typical(&turned, false)?);
     let name_of_best = singles.iter().find(|(_, auc)| *auc >= best).map_or("", |(which, _)| which.symbol());
     Ok(vec![
-        Claim {
-            id: "index-follows-damage",
-            place: "5.4.4, Fig. 73",
-            claim: "the index of the representative tyre agrees with where the damage is",
-            quantity: "AUC in shoulder 1; mean index at severity 0, 1, 2, 3",
-            dissertation: "",
-            ours: format!("{}; {}", digits(auc), list(&by_severity, ", ")),
-            agrees: Agrees::from(auc > 0.95 && rises(&by_severity)),
-            remark: "AUC above 0.95 and a mean that rises with severity. Damage is what is planted, not what shearography shows.",
-        },
-        Claim {
-            id: "index-beats-each",
-            place: "5.4.3, 5.4.4",
-            claim: "all discriminators together are more reliable than each alone",
-            quantity: "AUC of the index, and of the best of the six alone",
-            dissertation: "",
-            ours: format!("{}, and {} of {name_of_best}", digits(auc), digits(best)),
-            agrees: if best < AUC_FULL { Agrees::from(auc >= best) } else { Agrees::NotTestable },
-            remark: "Not below, if the best one leaves room for improvement: with cracks as strong as these it leaves none.",
-        },
-        Claim {
-            id: "new-tyre-zero",
-            place: "5.4.4, Fig. 74",
-            claim: "the index of a brand-new tyre is almost zero on both shoulders",
-            quantity: "median index of shoulders 1 and 2",
-            dissertation: "almost 0",
-            ours: list(&new, ", "),
-            agrees: Agrees::from(new.iter().all(|index| *index < 0.1)),
-            remark: "Both below 0.1. How much casings differ is an assumption (3 %).",
-        },
-        Claim {
-            id: "slight-tyre-found",
-            place: "5.4.4, Fig. 75",
-            claim: "the index points out the small cracks about 180 degrees",
-            quantity: "AUC in shoulder 1 of the slightly damaged tyre",
-            dissertation: "",
-            ours: digits(slight_auc),
-            agrees: Agrees::from(slight_auc > 0.95),
-            remark: "Above 0.95. How small the cracks are is our choice: 8 mm deep, 12 to 14 mm long, two or three locations.",
-        },
-        Claim {
-            id: "slight-tyre-level",
-            place: "5.4.4, Fig. 75",
-            claim: "its index over the cracks is around 0.25",
-            quantity: "median index of cracked places, and of the rest of shoulder 1",
-            dissertation: "0.25",
-            ours: list(&slight_levels[..2], ", "),
-            agrees: Agrees::NotTestable,
-            remark: "How small the cracks are is our choice, and with it the level.",
-        },
-        Claim {
-            id: "slight-tyre-other-shoulder",
-            place: "5.4.4, Fig. 75",
-            claim: "its index on the other shoulder is almost zero",
-            quantity: "median index of shoulder 2",
-            dissertation: "almost 0",
-            ours: digits(slight_levels[2]),
-            agrees: Agrees::from(slight_levels[2] < 0.1),
-            remark: "Below 0.1, as for the new tyre.",
-        },
-        Claim {
-            id: "one-normalisation",
-            place: "5.4.4",
-            claim: "one set of extremes serves tyres of different construction",
-            quantity: "AUC over all six shoulders; least index over a crack, greatest elsewhere",
-            dissertation: "",
-            ours: format!("{}; {}, {}", digits(pooled), digits(faintest?), digits(soundest?)),
-            agrees: Agrees::from(pooled > 0.95),
-            remark: "AUC above 0.95. The three simulated casings differ by some percent in stiffness and loudness; real ones may \
-                     differ by more.",
-        },
-        Claim {
-            id: "pr-direction",
-            place: "5.4.4",
-            claim: "PR enters the index as falling with damage (x_m is its maximum)",
-            quantity: "AUC in shoulder 1 with PR rising and falling; median index of its sound places, the same",
-            dissertation: "",
-            ours: format!(
+        Claim::new("index-follows-damage", "5.4.4, Fig. 73")
+            .claim("the index of the representative tyre agrees with where the damage is")
+            .quantity("AUC in shoulder 1; mean index at severity 0, 1, 2, 3")
+            .ours(format!("{}; {}", digits(auc), list(&by_severity, ", ")))
+            .agrees(auc > 0.95 && rises(&by_severity))
+            .remark("AUC above 0.95 and a mean that rises with severity. Damage is what is planted, not what shearography shows."),
+        Claim::new("index-beats-each", "5.4.3, 5.4.4")
+            .claim("all discriminators together are more reliable than each alone")
+            .quantity("AUC of the index, and of the best of the six alone")
+            .ours(format!("{}, and {} of {name_of_best}", digits(auc), digits(best)))
+            .agrees(if best < AUC_FULL { Agrees::from(auc >= best) } else { Agrees::NotTestable })
+            .remark("Not below, if the best one leaves room for improvement: with cracks as strong as these it leaves none."),
+        Claim::new("new-tyre-zero", "5.4.4, Fig. 74")
+            .claim("the index of a brand-new tyre is almost zero on both shoulders")
+            .quantity("median index of shoulders 1 and 2")
+            .dissertation("almost 0")
+            .ours(list(&new, ", "))
+            .agrees(new.iter().all(|index| *index < 0.1))
+            .remark("Both below 0.1. How much casings differ is an assumption (3 %)."),
+        Claim::new("slight-tyre-found", "5.4.4, Fig. 75")
+            .claim("the index points out the small cracks about 180 degrees")
+            .quantity("AUC in shoulder 1 of the slightly damaged tyre")
+            .ours(digits(slight_auc))
+            .agrees(slight_auc > 0.95)
+            .remark("Above 0.95. How small the cracks are is our choice: 8 mm deep, 12 to 14 mm long, two or three locations."),
+        Claim::new("slight-tyre-level", "5.4.4, Fig. 75")
+            .claim("its index over the cracks is around 0.25")
+            .quantity("median index of cracked places, and of the rest of shoulder 1")
+            .dissertation("0.25")
+            .ours(list(&slight_levels[..2], ", "))
+            .remark("How small the cracks are is our choice, and with it the level."),
+        Claim::new("slight-tyre-other-shoulder", "5.4.4, Fig. 75")
+            .claim("its index on the other shoulder is almost zero")
+            .quantity("median index of shoulder 2")
+            .dissertation("almost 0")
+            .ours(digits(slight_levels[2]))
+            .agrees(slight_levels[2] < 0.1)
+            .remark("Below 0.1, as for the new tyre."),
+        Claim::new("one-normalisation", "5.4.4")
+            .claim("one set of extremes serves tyres of different construction")
+            .quantity("AUC over all six shoulders; least index over a crack, greatest elsewhere")
+            .ours(format!("{}; {}, {}", digits(pooled), digits(faintest?), digits(soundest?)))
+            .agrees(pooled > 0.95)
+            .remark("AUC above 0.95. The three simulated casings differ by some percent in stiffness and loudness; real ones may \
+                     differ by more."),
+        Claim::new("pr-direction", "5.4.4")
+            .claim("PR enters the index as falling with damage (x_m is its maximum)")
+            .quantity("AUC in shoulder 1 with PR rising and falling; median index of its sound places, the same")
+            .ours(format!(
                 "{} and {}; {} and {}",
                 digits(auc),
                 digits(turned_auc),
                 digits(typical(&worst, false)?),
                 digits(turned_sound)
-            ),
-            agrees: Agrees::from(turned_auc >= auc && turned_sound <= typical(&worst, false)?),
-            remark: "No worse by it. With PR as printed a sound place has an index of a sixth and more, and is no longer almost \
-                     zero.",
-        },
+            ))
+            .agrees(turned_auc >= auc && turned_sound <= typical(&worst, false)?)
+            .remark("No worse by it. With PR as printed a sound place has an index of a sixth and more, and is no longer almost \
+                     zero."),
     ])
 }
 
@@ -256,14 +204,12 @@ fn b_scan(experiment: &Experiment) -> Result<Claim> {
     let sound = level(&first, &|tap| !tap.is_cracked())?;
     let db = |power: f64| 10.0 * (power / sound).log10();
     let (cracked, other) = (db(level(&first, &Tap::is_cracked)?), db(level(&second, &|_| true)?));
-    Ok(Claim {
-        id: "b-scan",
-        place: "5.4.4, Fig. 76",
-        claim: "from 500 to 1000 Hz cracked places stand out of the map, and the sound shoulder is low throughout",
-        quantity: "mean power of 500 to 1000 Hz over that of the sound places of shoulder 1: its cracked places, shoulder 2",
-        dissertation: "",
-        ours: format!("{cracked:.2} dB, {other:.2} dB"),
-        agrees: Agrees::from(cracked > 3.0 && other < 1.0),
-        remark: "Above 3 dB, and below 1 dB. Built so: the layer above a crack rings at 850 Hz and below.",
-    })
+    Ok(Claim::new("b-scan", "5.4.4, Fig. 76")
+        .claim("from 500 to 1000 Hz cracked places stand out of the map, and the sound shoulder is low throughout")
+        .quantity(
+            "mean power of 500 to 1000 Hz over that of the sound places of shoulder 1: its cracked places, shoulder 2",
+        )
+        .ours(format!("{cracked:.2} dB, {other:.2} dB"))
+        .agrees(cracked > 3.0 && other < 1.0)
+        .remark("Above 3 dB, and below 1 dB. Built so: the layer above a crack rings at 850 Hz and below."))
 }

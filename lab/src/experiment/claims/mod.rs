@@ -52,6 +52,38 @@ pub(super) struct Claim {
     pub remark: &'static str,
 }
 
+impl Claim {
+    /// A claim without a number in the dissertation that nothing here decides.
+    fn new(id: &'static str, place: &'static str) -> Self {
+        let (claim, quantity, dissertation, remark) = ("", "", "", "");
+        Self { id, place, claim, quantity, dissertation, ours: String::new(), agrees: Agrees::NotTestable, remark }
+    }
+
+    fn claim(self, claim: &'static str) -> Self {
+        Self { claim, ..self }
+    }
+
+    fn quantity(self, quantity: &'static str) -> Self {
+        Self { quantity, ..self }
+    }
+
+    fn dissertation(self, dissertation: &'static str) -> Self {
+        Self { dissertation, ..self }
+    }
+
+    fn ours(self, ours: String) -> Self {
+        Self { ours, ..self }
+    }
+
+    fn agrees(self, agrees: impl Into<Agrees>) -> Self {
+        Self { agrees: agrees.into(), ..self }
+    }
+
+    fn remark(self, remark: &'static str) -> Self {
+        Self { remark, ..self }
+    }
+}
+
 /// All claims, in the order of the chapter.
 pub(super) fn claims(experiment: &Experiment) -> Result<Vec<Claim>> {
     let mut claims = contact::claims(experiment)?;
@@ -61,7 +93,6 @@ pub(super) fn claims(experiment: &Experiment) -> Result<Vec<Claim>> {
     Ok(claims)
 }
 
-/// The claims as CSV.
 pub(super) fn csv(claims: &[Claim]) -> Result<String> {
     let mut out = csv::Writer::from_writer(Vec::new());
     out.write_record(["claim", "where", "quantity", "dissertation", "ours", "agrees"])?;
@@ -157,18 +188,8 @@ mod tests {
     /// Catches a table whose columns a claim can break, and a count that is not the table's.
     #[test]
     fn the_page_has_a_row_a_claim() {
-        let claim = Claim {
-            id: "id",
-            place: "5.4",
-            claim: "claim",
-            quantity: "quantity",
-            dissertation: "",
-            ours: "1 N".to_owned(),
-            agrees: Agrees::No,
-            remark: "remark",
-        };
-        let page =
-            page(&[claim.clone(), Claim { agrees: Agrees::NotTestable, ..claim }], &[("fig60", "Fig. 60")], "to");
+        let claim = Claim::new("id", "5.4").claim("claim").quantity("quantity").ours("1 N".to_owned()).remark("remark");
+        let page = page(&[claim.clone().agrees(false), claim], &[("fig60", "Fig. 60")], "to");
         assert!(page.contains("\n| `id`: claim | 5.4 | no number | quantity: 1 N | no | remark |\n"), "{page}");
         assert!(
             page.contains("Of 2 claims 0 agree, 1 do not, and 1 cannot") && page.contains("(to/fig60.svg)"),

@@ -11,7 +11,7 @@ use crate::experiment::tyres::{CRACKED_SPOT, SLOWEST_M_PER_S, SOUND_SPOT, VELOCI
 /// Fig. 60: the peak of the sound at four offsets.
 pub(super) fn of_offset(experiment: &Experiment) -> Figure {
     let turns = experiment.offset_turns();
-    let mut table = Table::long("fig60", "", &["offset_mm", "location", "angle_deg", "severity", "peak_sound_v"]);
+    let mut table = Table::long("fig60", "", ["offset_mm", "location", "angle_deg", "severity", "peak_sound_v"]);
     for (offset_mm, turn) in &turns {
         for tap in turn {
             let place = [cell(*offset_mm), tap.found.id.location.to_string(), cell(tap.angle_deg)];
@@ -37,7 +37,7 @@ pub(super) fn of_offset(experiment: &Experiment) -> Figure {
 /// Fig. 61: contact time against velocity at one place.
 pub(super) fn of_velocity_at_one_place(experiment: &Experiment) -> Figure {
     let dataset = &experiment.at_one_place;
-    let mut table = Table::long("fig61", "", &["place", "velocity_m_per_s", "repetition", "tau_s"]);
+    let mut table = Table::long("fig61", "", ["place", "velocity_m_per_s", "repetition", "tau_s"]);
     let (mut curves, mut keys) = (Vec::new(), Vec::new());
     for ((tyre, name), color) in [(SOUND_SPOT, "sound"), (CRACKED_SPOT, "cracked")].into_iter().zip(COLORS) {
         let here: Vec<&Tap> = dataset.taps.iter().filter(|tap| tap.found.id.tyre.as_str() == tyre).collect();
@@ -73,7 +73,7 @@ pub(super) fn of_velocity_at_one_place(experiment: &Experiment) -> Figure {
 pub(super) fn of_velocity(experiment: &Experiment) -> Figure {
     let turns = experiment.velocity_turns();
     let columns = ["velocity_m_per_s", "location", "angle_deg", "severity", "tau_s", "peak_sound_v"];
-    let mut table = Table::long("fig62", "", &columns);
+    let mut table = Table::long("fig62", "", columns);
     for (velocity_m_per_s, turn) in &turns {
         for tap in turn {
             let place = [cell(*velocity_m_per_s), tap.found.id.location.to_string(), cell(tap.angle_deg)];

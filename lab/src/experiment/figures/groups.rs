@@ -13,25 +13,17 @@ use crate::experiment::dataset::{Experiment, Tap};
 use crate::experiment::tyres::SEVERE_FROM_M_PER_N;
 use crate::statistics::{nor_rmse, within_over_all};
 
-/// A row of a table of boxes.
 fn row(which: Discriminator, group: &str, stats: &BoxStats) -> Vec<String> {
     let (low, high) = stats.whiskers;
     let numbers = [low, stats.low, stats.median, stats.high, high, stats.mean].map(cell);
     [which.column().to_owned(), group.to_owned(), stats.count.to_string()].into_iter().chain(numbers).collect()
 }
 
-fn columns(group: &'static str) -> [&'static str; 9] {
-    [
-        "discriminator",
-        group,
-        "count",
-        "lower_whisker_si",
-        "lower_quartile_si",
-        "median_si",
-        "upper_quartile_si",
-        "upper_whisker_si",
-        "mean_si",
-    ]
+/// Columns of a table of boxes after the discriminator and the group.
+const COLUMNS: &str = "count lower_whisker_si lower_quartile_si median_si upper_quartile_si upper_whisker_si mean_si";
+
+fn table(name: &'static str, group: &'static str) -> Table {
+    Table::long(name, "", ["discriminator", group].into_iter().chain(COLUMNS.split(' ')))
 }
 
 /// Boxes of `which` over `groups` of taps, with their means joined if asked for; their rows go into `table`.
@@ -61,7 +53,6 @@ fn boxes(
     Plot { columns, ..Plot::new(title_of(which), axis(x_label, (0.0, 1.0), 0), axis("", spanned(all), 6), marks) }
 }
 
-/// Bars of values with their names.
 fn bars(name: &str, values: &[(&str, f64)], color: RGBColor) -> Plot {
     let most = values.iter().map(|(_, value)| *value).max_by(f64::total_cmp).unwrap_or(1.0);
     let bar = |(k, (_, value)): (usize, &(&str, f64))| {
@@ -84,7 +75,7 @@ pub(super) fn by_severity(experiment: &Experiment) -> Figure {
     let [turn, _] = experiment.repetitions(1);
     let of = |severity: u8| turn.iter().copied().filter(|tap| tap.severity == severity).collect();
     let groups: Vec<(String, Vec<&Tap>)> = (0..=3_u8).map(|severity| (severity.to_string(), of(severity))).collect();
-    let mut table = Table::long("fig66-67", "", &columns("severity"));
+    let mut table = table("fig66-67", "severity");
     let which = [Discriminator::FMax, Discriminator::Tau, Discriminator::A1, Discriminator::Pr];
     let plots = which.map(|which| boxes(which, &groups, ("Severity", true), &mut table));
     let [two, three] = SEVERE_FROM_M_PER_N.map(|compliance| number(compliance * 1e6));
@@ -106,7 +97,7 @@ pub(super) fn by_severity(experiment: &Experiment) -> Figure {
 /// Fig. 68: the normalised difference of two repetitions (Eq. 54), and the scatter of a tap over that of sound locations.
 pub(super) fn repeatability(experiment: &Experiment) -> Figure {
     let turns = experiment.repetitions(1);
-    let mut table = Table::long("fig68", "", &["discriminator", "nor_rmse", "within_location_sd_per_healthy_sd"]);
+    let mut table = Table::long("fig68", "", ["discriminator", "nor_rmse", "within_location_sd_per_healthy_sd"]);
     let (mut by_range, mut by_sd) = (Vec::new(), Vec::new());
     for which in SEVEN {
         let both = repeats(&turns, which);
@@ -143,7 +134,7 @@ pub(super) fn cracked_and_sound(experiment: &Experiment) -> Figure {
     let [turn, _] = experiment.repetitions(1);
     let of = |is_cracked: bool| turn.iter().copied().filter(|tap| tap.is_cracked() == is_cracked).collect();
     let groups: Vec<(String, Vec<&Tap>)> = vec![("sound".to_owned(), of(false)), ("cracked".to_owned(), of(true))];
-    let mut table = Table::long("fig69", "", &columns("place"));
+    let mut table = table("fig69", "place");
     let plots = SEVEN.map(|which| boxes(which, &groups, ("", false), &mut table));
     let picture = Picture {
         title: "Fig. 69: discriminators over cracks and beside them",

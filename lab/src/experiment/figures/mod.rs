@@ -85,7 +85,6 @@ struct Shade {
     severity: u8,
 }
 
-/// The shade under a crack.
 fn shade(severity: u8) -> RGBAColor {
     SKY.mix(0.16 * f64::from(severity))
 }
@@ -124,7 +123,6 @@ fn spanned(values: impl IntoIterator<Item = f64>) -> Point {
     }
 }
 
-/// The ordinate of `curves`.
 fn ordinate(label: &str, curves: &[Mark]) -> Axis {
     let values = curves.iter().flat_map(|curve| match curve {
         Mark::Line(points, ..) | Mark::Dots(points, ..) => points.as_slice(),

@@ -25,7 +25,6 @@ fn level_color(level: usize) -> RGBColor {
     ViridisRGB::get_color(level as f64 / (LEVELS - 1) as f64)
 }
 
-/// The level of a power density.
 fn level(density_db: f64) -> usize {
     let (low, high) = LEVELS_DB;
     let count = LEVELS as f64;
@@ -54,11 +53,8 @@ fn map(edges: &[f64], (low, high): Point, columns: &[Vec<f64>]) -> Mark {
 /// Figs. 63 and 64: the seven discriminators, twice around.
 pub(super) fn repetitions(experiment: &Experiment) -> Figure {
     let turns = experiment.repetitions(1);
-    let columns: Vec<&str> = ["repetition", "location", "angle_deg", "severity"]
-        .into_iter()
-        .chain(SEVEN.map(Discriminator::column))
-        .collect();
-    let mut table = Table::long("fig63-64", "", &columns);
+    let columns = ["repetition", "location", "angle_deg", "severity"];
+    let mut table = Table::long("fig63-64", "", columns.into_iter().chain(SEVEN.map(Discriminator::column)));
     for tap in turns.iter().flatten() {
         let id = &tap.found.id;
         let place = [id.repetition.to_string(), id.location.to_string(), cell(tap.angle_deg), tap.severity.to_string()];
@@ -88,9 +84,8 @@ pub(super) fn repetitions(experiment: &Experiment) -> Figure {
 
 /// Figs. 70 and 71: six discriminators of both shoulders, the mean of two turns.
 pub(super) fn shoulders(experiment: &Experiment) -> Figure {
-    let columns: Vec<&str> =
-        ["shoulder", "location", "angle_deg", "severity"].into_iter().chain(SIX.map(Discriminator::column)).collect();
-    let mut table = Table::long("fig70-71", "", &columns);
+    let columns = ["shoulder", "location", "angle_deg", "severity"];
+    let mut table = Table::long("fig70-71", "", columns.into_iter().chain(SIX.map(Discriminator::column)));
     let both = [1, 2].map(|shoulder| experiment.repetitions(shoulder));
     for turns in &both {
         let values = SIX.map(|which| averaged(turns, which));
@@ -128,7 +123,7 @@ fn shoulder_keys() -> Vec<Key> {
 /// Figs. 73 to 75: the damage index of the three tyres.
 pub(super) fn damage(experiment: &Experiment, indices: &Indices) -> Figure {
     let mut table =
-        Table::long("fig73-75", "", &["tyre", "shoulder", "location", "angle_deg", "severity", "damage_index"]);
+        Table::long("fig73-75", "", ["tyre", "shoulder", "location", "angle_deg", "severity", "damage_index"]);
     let mut plots = Vec::new();
     let tyres = [
         (REPRESENTATIVE, "Fig. 73: representative tyre"),
@@ -168,7 +163,7 @@ pub(super) fn damage(experiment: &Experiment, indices: &Indices) -> Figure {
 
 /// Fig. 76: the spectra of both shoulders, location by location.
 pub(super) fn b_scan(experiment: &Experiment) -> Figure {
-    let mut table = Table::long("fig76", "", &["shoulder", "location", "frequency_hz", "density_v2_per_hz"]);
+    let mut table = Table::long("fig76", "", ["shoulder", "location", "frequency_hz", "density_v2_per_hz"]);
     let mut plots = Vec::new();
     for shoulder in [1, 2] {
         let [turn, _] = experiment.repetitions(shoulder);

@@ -47,9 +47,7 @@ pub(super) struct Curve {
 /// One point of a curve, in SI units.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Point {
-    /// What is varied.
     pub x: f64,
-    /// What is computed.
     pub y: f64,
     /// Whether h/l is within the rung's domain: beyond it the layer above the crack is not the plate that the rung
     /// takes it for. True where there is no crack. For the other ratios see [`Flags`](tapline_model::Flags).
@@ -57,7 +55,6 @@ pub(super) struct Point {
 }
 
 impl Figure {
-    /// Numbers of the available figures.
     pub(super) const NUMBERS: [u8; 19] = [11, 12, 13, 16, 17, 18, 19, 20, 22, 23, 24, 25, 26, 27, 31, 32, 36, 37, 38];
 }
 

@@ -60,7 +60,6 @@ impl Abscissa {
 }
 
 impl Family {
-    /// The point at `x`, on `rung`.
     pub(super) fn point(&self, abscissa: Abscissa, rung: Rung, x: f64) -> Result<Point, Error> {
         let mut scene = self.scene;
         let field = (self.field)(&mut scene);

@@ -1,9 +1,8 @@
 //! What figures draw: one quantity of one scene on one rung.
 
 use super::Axis;
-use tapline_model::{DampingLaw, Error, Flags, Impact, Outcome, Rung, Scene, defect_contact, integral_contact};
+use tapline_model::{DampingLaw, Error, Flags, Impact, Rung, Scene, defect_contact, integral_contact};
 
-/// A quantity of a contact.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Quantity {
     /// Peak force F_max.
@@ -50,59 +49,31 @@ impl Subject {
         self == Self::Sound || !Flags::new(rung, DampingLaw::Exact, scene, 0.0, 0.0).all()[0].is_raised()
     }
 
-    /// `quantity` of `scene` on `rung`.
     pub(super) fn value(self, quantity: Quantity, rung: Rung, scene: &Scene) -> Result<f64, Error> {
-        match (self, rung) {
-            (Self::Sound, Rung::Closed) => integral_closed(quantity, scene),
-            (Self::Cracked, Rung::Closed) => defect_closed(quantity, scene),
-            (_, Rung::Integral) => {
-                let contact = rung.contact(scene, DampingLaw::Exact)?;
-                Ok(match quantity {
-                    Quantity::Force => contact.f_max_n,
-                    Quantity::Duration => contact.contact_time_s,
-                    Quantity::Local | Quantity::Deformation => contact.d_max_m,
-                    Quantity::Bending | Quantity::Loss => 0.0,
-                })
+        // In the order of the quantities.
+        let all = match (self, rung) {
+            (Self::Sound, Rung::Closed) => {
+                let c = integral_contact(scene)?;
+                [c.f_max_n, c.tau_s, c.alpha_max_m, 0.0, c.alpha_max_m, 0.0]
             }
-            (_, Rung::Plate) => in_time(quantity, scene, |s| Impact::plate(s)?.outcome()),
-            (_, Rung::Full) => in_time(quantity, scene, |s| Impact::full(s)?.outcome()),
-        }
+            (Self::Cracked, Rung::Closed) => {
+                let c = defect_contact(scene)?;
+                [c.f_max_n, c.tau_s, c.alpha_max_m, c.d_max_m - c.alpha_max_m, c.d_max_m, c.lambda_f]
+            }
+            (_, Rung::Integral) => {
+                let c = rung.contact(scene, DampingLaw::Exact)?;
+                [c.f_max_n, c.contact_time_s, c.d_max_m, 0.0, c.d_max_m, 0.0]
+            }
+            (_, Rung::Plate | Rung::Full) => {
+                let impact = if rung == Rung::Plate { Impact::plate } else { Impact::full };
+                if quantity == Quantity::Loss {
+                    let returned = impact(&Scene { restitution: 1.0, ..*scene })?.outcome()?.restitution;
+                    return Ok(1.0 - returned * returned); // Eq. 3
+                }
+                let o = impact(scene)?.outcome()?;
+                [o.f_max_n, o.contact_time_s, o.alpha_max_m, o.deflection_max_m, o.d_max_m, f64::NAN]
+            }
+        };
+        Ok(all[quantity as usize])
     }
-}
-
-fn integral_closed(quantity: Quantity, scene: &Scene) -> Result<f64, Error> {
-    let contact = integral_contact(scene)?;
-    Ok(match quantity {
-        Quantity::Force => contact.f_max_n,
-        Quantity::Duration => contact.tau_s,
-        Quantity::Local | Quantity::Deformation => contact.alpha_max_m,
-        Quantity::Bending | Quantity::Loss => 0.0,
-    })
-}
-
-fn defect_closed(quantity: Quantity, scene: &Scene) -> Result<f64, Error> {
-    let contact = defect_contact(scene)?;
-    Ok(match quantity {
-        Quantity::Force => contact.f_max_n,
-        Quantity::Duration => contact.tau_s,
-        Quantity::Local => contact.alpha_max_m,
-        Quantity::Bending => contact.d_max_m - contact.alpha_max_m,
-        Quantity::Deformation => contact.d_max_m,
-        Quantity::Loss => contact.lambda_f,
-    })
-}
-
-fn in_time(quantity: Quantity, scene: &Scene, run: impl Fn(&Scene) -> Result<Outcome, Error>) -> Result<f64, Error> {
-    if quantity == Quantity::Loss {
-        let returned = run(&Scene { restitution: 1.0, ..*scene })?.restitution;
-        return Ok(1.0 - returned * returned); // Eq. 3
-    }
-    let outcome = run(scene)?;
-    Ok(match quantity {
-        Quantity::Force => outcome.f_max_n,
-        Quantity::Duration => outcome.contact_time_s,
-        Quantity::Local => outcome.alpha_max_m,
-        Quantity::Bending => outcome.deflection_max_m,
-        Quantity::Deformation | Quantity::Loss => outcome.d_max_m,
-    })
 }

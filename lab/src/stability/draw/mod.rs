@@ -42,7 +42,6 @@ type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 type Chart<'a> = ChartContext<'a, SVGBackend<'a>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 type Drawn = Result<(), Box<dyn std::error::Error>>;
 
-/// The picture of `curve` as SVG.
 pub(crate) fn svg(curve: &Curve) -> Result<String> {
     let mut text = String::new();
     fill(curve, &mut text).map_err(|e| anyhow!("cannot draw {}: {e}", curve.name))?;

@@ -111,26 +111,21 @@ fn measure(bench: &Bench) -> Result<Panel> {
         ladder(bench, Places::Any, "places", "At places as casings have them, most of them sound")?,
         histories(bench)?,
     ];
-    Ok(Panel {
-        name: "contact",
-        title: "How much of the contact must be modelled?",
-        question: "A contact can be computed from a closed form, from a table, or from an equation of motion with more or less in it. \
-                   Which is enough for a scene?",
-        notes: vec![
+    Ok(Panel::new(
+        "How much of the contact must be modelled?",
+        "A contact can be computed from a closed form, from a table, or from an equation of motion with more or less in it. \
+         Which is enough for a scene?",
+        [
             "The error is the largest relative difference in peak force, contact time, deepest position and restitution; nine \
              in ten contacts have less. The closed form has no damping, so that its restitution is 1 where 0.5 is meant: that \
-             is most of its error."
-                .to_owned(),
+             is most of its error.",
             "\u{201c}chosen, 0.05\u{201d} is `choose` of the crate `model`: the cheapest rung that is known beforehand to be \
-             within 0.05 of the full one. It has no default; whoever calls it names the accuracy."
-                .to_owned(),
+             within 0.05 of the full one. It has no default; whoever calls it names the accuracy.",
             "The simulated rig needs the whole course of the force. It leaves out a layer that is known to change nothing by \
-             more than 0.001, which is its default."
-                .to_owned(),
+             more than 0.001, which is its default.",
         ],
         facets,
-        tables: Vec::new(),
-    })
+    ))
 }
 
 fn ladder(bench: &Bench, places: Places, name: &str, title: &str) -> Result<Facet> {
@@ -159,17 +154,14 @@ fn ladder(bench: &Bench, places: Places, name: &str, title: &str) -> Result<Face
         Ok(Point::new(way.name(), way.label(), cost, Error::mean_of(by_seed), n).family(family).failing(failures(way)?))
     });
     Ok(Facet {
-        name: name.to_owned(),
-        title: title.to_owned(),
         cost: Quantity::log("Processor time of a contact", "\u{b5}s"),
         error: Quantity::log("Largest relative error, nine in ten contacts", ""),
         tolerance: Tolerance { cost: 0.15, error: 1e-3 },
         truth: "the equations of the full rung, solved in small steps of equal length by another program text"
             .to_owned(),
-        seeds: bench.seeds().collect(),
         families: vec!["one rung, always", "the cheapest that is known to be enough"],
-        guides: Vec::new(),
         points: points.collect::<Result<_>>()?,
+        ..bench.facet(name, title)
     })
 }
 
@@ -275,15 +267,12 @@ fn histories(bench: &Bench) -> Result<Facet> {
             .default_if(rule == Rule::Within(RIG_TOLERANCE))
     };
     Ok(Facet {
-        name: "history".to_owned(),
-        title: "The course of the force, as the simulated rig needs it".to_owned(),
         cost: Quantity::log("Processor time of a contact", "\u{b5}s"),
         error: Quantity::log("Relative error of peak or impulse, nine in ten contacts", ""),
         tolerance: Tolerance { cost: 0.15, error: RIG_TOLERANCE },
         truth: "the peak by small steps, and the impulse with every layer".to_owned(),
-        seeds: bench.seeds().collect(),
         families: vec!["layers left out"],
-        guides: Vec::new(),
         points: RULES.into_iter().zip(costs).zip(by_seed).map(point).collect(),
+        ..bench.facet("history", "The course of the force, as the simulated rig needs it")
     })
 }

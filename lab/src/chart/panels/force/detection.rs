@@ -60,15 +60,11 @@ pub(super) fn alone(bench: &Bench, simulator: Simulator, ways: &[Way], costs: &[
             .failing(failures(bench, way)?))
     });
     Ok(Facet {
-        name: format!("tau-{}", simulator.name()),
-        title: format!("tau alone, simulator {}", simulator.name()),
         cost: Quantity::linear("Processor time of a record of the force", "\u{b5}s"),
         error: Quantity::log("Loss of detection, 1 \u{2212} AUC", ""),
         tolerance: Tolerance { cost: 0.1, error: 0.005 },
-        truth: "the cracks that were planted".to_owned(),
-        seeds: bench.seeds().collect(),
         families: vec!["estimators"],
-        guides: Vec::new(),
         points: points.collect::<Result<_>>()?,
+        ..bench.facet(format!("tau-{}", simulator.name()), format!("tau alone, simulator {}", simulator.name()))
     })
 }

@@ -49,23 +49,19 @@ fn measure(bench: &Bench) -> Result<Panel> {
         facets.push(detection::alone(bench, simulator, &times, &of_times)?);
         bench.progress.at(0.6 + 0.4 * number as f64);
     }
-    Ok(Panel {
-        name: "force",
-        title: "How are the peak and the duration of a pulse found?",
-        question: "Which estimator of F_max and tau is nearest to the contact, and which tells a crack from sound rubber?",
-        notes: vec![
+    Ok(Panel::new(
+        "How are the peak and the duration of a pulse found?",
+        "Which estimator of F_max and tau is nearest to the contact, and which tells a crack from sound rubber?",
+        [
             "Errors are of pulses of the contact models that run in time, on sound rubber and over a crack 5 mm deep, at 40.96 kHz; \
-             the cost is that of reading a record of the force alone, in double precision."
-                .to_owned(),
+             the cost is that of reading a record of the force alone, in double precision.",
             "Every estimator of tau gives a skewed pulse a shorter duration than its contact. Pulses of one shape lose the same part. \
              That is most of the error here, and does not matter to an index, which compares with the rest of the ring. So detection is \
              shown beside it, on casings with faint cracks tapped twice at the belt edge: tau alone, mean of three neighbours. What the index finds with \
-             each is in the panel `settings`."
-                .to_owned(),
+             each is in the panel `settings`.",
         ],
         facets,
-        tables: Vec::new(),
-    })
+    ))
 }
 
 fn cell(signal: &str, rate_hz: u32, snr_db: Option<u32>) -> Cell {
@@ -100,16 +96,13 @@ fn against_truth(bench: &Bench, (name, title): (&str, &str), ways: &[Way], costs
             .failing(failures(bench, way)?))
     });
     Ok(Facet {
-        name: name.to_owned(),
-        title: title.to_owned(),
         cost: Quantity::linear("Processor time of a record of the force", "\u{b5}s"),
         error: Quantity::log("Error against the contact, rms", "%"),
         tolerance: Tolerance { cost: 0.1, error: 0.1 },
         truth: "peak and duration of the contact model that made the pulse".to_owned(),
-        seeds: bench.seeds().collect(),
         families: vec!["estimators"],
-        guides: Vec::new(),
         points: points.collect::<Result<_>>()?,
+        ..bench.facet(name, title)
     })
 }
 

@@ -50,27 +50,22 @@ fn measure(bench: &Bench) -> Result<Panel> {
         }
     }
     let tables = vec![table::by_length(bench, &lengths, &found_lengths)?];
-    Ok(Panel {
-        name: "recording",
-        title: "Which length, rate and resolution must a record have?",
-        question: "The rig waits for a record to end, and every stage carries and reads its samples. How much of it helps find cracks?",
-        notes: vec![
+    let panel = Panel::new(
+        "Which length, rate and resolution must a record have?",
+        "The rig waits for a record to end, and every stage carries and reads its samples. How much of it helps find cracks?",
+        [
             "The same taps, shortened: one turn at each of two offsets, with an equally shortened reference. Faint and strong cracks of both \
-             populations, and faint ones in eight times the noise, all locations together; the table has each scene."
-                .to_owned(),
+             populations, and faint ones in eight times the noise, all locations together; the table has each scene.",
             "Sample rates and bits are of faint cracks in smooth casings alone, with and without that noise, in records of 0.1 s. Another \
-             rate is another simulation, with the same noise per sample. The force's range is 222 N, of which a tap uses a tenth."
-                .to_owned(),
+             rate is another simulation, with the same noise per sample. The force's range is 222 N, of which a tap uses a tenth.",
             "Bytes are both channels of taps of `model`, packed with `lz4`. Shared memory and disk without a codec carry 4 bytes a \
-             sample pair. Samples whose number is no power of two pack and transform less well: 0.06 s are 2458 of them, 0.05 s 2048."
-                .to_owned(),
+             sample pair. Samples whose number is no power of two pack and transform less well: 0.06 s are 2458 of them, 0.05 s 2048.",
             "The simulated casings have rung down after 25 ms or so. Casings that ring longer need the ringing to be over before the \
-             next tap, not in the record."
-                .to_owned(),
+             next tap, not in the record.",
         ],
         facets,
-        tables,
-    })
+    );
+    Ok(Panel { tables, ..panel })
 }
 
 /// What a facet is about.
@@ -121,18 +116,14 @@ fn facet(bench: &Bench, simulator: Simulator, what: What, points: Vec<Point>) ->
         What::Bytes | What::Time => readings::LENGTH_FAMILIES.to_vec(),
     };
     Facet {
-        name: format!("{}-{name}", simulator.name()),
-        title: format!("{title}, simulator {}", simulator.name()),
         cost: match what {
             What::Time => Quantity::log("Processor time of a tap, all discriminators", "\u{b5}s"),
             What::Bytes | What::Converter => Quantity::log("Archived a tap, packed with lz4", "KiB"),
         },
         error: Quantity::log("Loss of detection, 1 \u{2212} AUC", ""),
         tolerance: TOLERANCE,
-        truth: "the cracks that were planted".to_owned(),
-        seeds: bench.seeds().collect(),
         families,
-        guides: Vec::new(),
         points,
+        ..bench.facet(format!("{}-{name}", simulator.name()), format!("{title}, simulator {}", simulator.name()))
     }
 }

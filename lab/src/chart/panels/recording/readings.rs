@@ -14,11 +14,9 @@ use crate::chart::size::Size;
 use crate::chart::stability;
 use crate::simulated::{Reading, quantised};
 
-/// The rig's sample rate.
 pub(in crate::chart::panels) const RATE_HZ: f64 = 40_960.0;
 /// Length of the longest record; the shorter ones are its beginnings.
 pub(in crate::chart::panels) const RECORD_S: f64 = 0.4;
-/// Before the trigger.
 pub(in crate::chart::panels) const PRE_TRIGGER_S: f64 = 0.0125;
 
 /// Lengths that are tried, the longest first.
@@ -28,9 +26,7 @@ const CONVERTER_S: f64 = 0.1;
 const BITS: [u32; 4] = [14, 12, 10, 8];
 const RATES_HZ: [f64; 3] = [20_480.0, 81_920.0, 10_240.0];
 
-/// Family of the lengths.
 pub(in crate::chart::panels) const LENGTH_FAMILIES: [&str; 1] = ["length of the record"];
-/// Families of the converters.
 pub(in crate::chart::panels) const CONVERTER_FAMILIES: [&str; 2] = ["sample rate, 16 bits", "bits, 41 kHz"];
 
 /// Length of the rig's records.
@@ -80,7 +76,6 @@ impl Heard {
         }
     }
 
-    /// Lengths of a record.
     pub(in crate::chart::panels) fn lengths() -> Vec<Self> {
         let default_s = default_record_s();
         let length = |record_s: f64| {

@@ -15,12 +15,11 @@ use crate::study::by_readings;
 const SHORT_S: f64 = 0.05;
 
 pub(super) fn by_length(bench: &Bench, heard: &[Heard], found: &[Found]) -> Result<Table> {
-    let mut columns = vec!["simulator", "scene", "seeds", "cracked"];
-    columns.extend(["auc_0.4", "auc_0.2", "auc_0.1", "auc_0.06", "auc_0.05", "auc_0.04", "auc_0.03", "auc_0.025"]);
-    columns.extend(["gain_0.05", "gain_low", "gain_high"]);
+    let columns = "simulator scene seeds cracked auc_0.4 auc_0.2 auc_0.1 auc_0.06 auc_0.05 auc_0.04 auc_0.03 auc_0.025 \
+                   gain_0.05 gain_low gain_high";
     let title = "AUC of the default index by the length of the record in s, mean over seeds, and what records of 0.05 s gain over 0.4 s, with \
                  95 % intervals over seeds in pairs";
-    let mut table = Table::new("record_length", title, &columns);
+    let mut table = Table::new("record_length", title, columns.split(' '));
     for simulator in Simulator::ALL {
         let mut scenes: Vec<_> = found.iter().filter(|f| f.simulator == simulator).map(|f| f.scene).collect();
         scenes.dedup();
