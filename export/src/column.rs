@@ -22,6 +22,7 @@ pub(crate) struct Column<R> {
     /// Name, with the unit as its suffix where it has one.
     pub name: String,
     /// Unit of the values; "1" for a number without dimension, empty if they are not a quantity.
+    #[cfg_attr(not(feature = "parquet"), expect(dead_code, reason = "CSV has no place for units"))]
     pub unit: &'static str,
     /// Whether the CSV has it too; CSV has the names of flags but not their bits.
     pub is_in_csv: bool,
@@ -78,14 +79,8 @@ impl<R> Column<R> {
 /// A format in which a table can be written.
 pub(crate) trait Sink {
     /// Appends `rows`, with the same columns as rows before.
-    ///
-    /// # Errors
-    /// [`crate::Error`] if they cannot be written.
     fn rows<R>(&mut self, columns: &[Column<R>], rows: impl Iterator<Item = R>) -> Result<()>;
 
     /// Ends the table.
-    ///
-    /// # Errors
-    /// [`crate::Error`] if it cannot be written.
     fn finish(self) -> Result<()>;
 }

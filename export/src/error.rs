@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 /// Why a table or taps cannot be exported.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a variant says what its fields are")]
 #[non_exhaustive]
 pub enum Error {
     /// The archive cannot be read.
@@ -12,14 +13,7 @@ pub enum Error {
     Archive(#[from] tapline_store::Error),
     /// The operating system refused.
     #[error("cannot {action} {}: {source}", path.display())]
-    Io {
-        /// The action that failed.
-        action: &'static str,
-        /// The file or folder.
-        path: PathBuf,
-        /// The reason.
-        source: io::Error,
-    },
+    Io { action: &'static str, path: PathBuf, source: io::Error },
     /// A table could not be written.
     #[error("cannot write the table: {0}")]
     Csv(#[from] csv::Error),
@@ -29,44 +23,19 @@ pub enum Error {
     Parquet(#[from] parquet::errors::ParquetError),
     /// A recording could not be written.
     #[error("cannot write {}: {source}", path.display())]
-    Wav {
-        /// The recording.
-        path: PathBuf,
-        /// The reason.
-        source: hound::Error,
-    },
+    Wav { path: PathBuf, source: hound::Error },
     /// An export of taps would mix with other files.
     #[error("{} is a folder with files in it; taps are written into a new or an empty one", path.display())]
-    FolderNotEmpty {
-        /// The folder.
-        path: PathBuf,
-    },
+    FolderNotEmpty { path: PathBuf },
     /// There are no taps to export, or none that can be read.
     #[error("{} has readable samples for none of its {tap_count} planned taps", path.display())]
-    NoSamples {
-        /// The archive.
-        path: PathBuf,
-        /// Taps planned.
-        tap_count: usize,
-    },
+    NoSamples { path: PathBuf, tap_count: usize },
     /// A file would be larger than its readers take.
     #[error("{} would have a matrix of {bytes} bytes; MATLAB reads at most {most}: export fewer taps, or as wav", path.display())]
-    TooLarge {
-        /// The file.
-        path: PathBuf,
-        /// Bytes of the matrix.
-        bytes: usize,
-        /// The bound.
-        most: usize,
-    },
+    TooLarge { path: PathBuf, bytes: usize, most: usize },
     /// A tap set cannot represent something of the archive.
     #[error("{} cannot be a tap set: {what}", path.display())]
-    NoTapSet {
-        /// The archive.
-        path: PathBuf,
-        /// What cannot be represented, and what can.
-        what: String,
-    },
+    NoTapSet { path: PathBuf, what: String },
 }
 
 /// What a fallible call of this crate returns.

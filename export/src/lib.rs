@@ -1,8 +1,7 @@
 //! Exports archives in the formats of other programs: tables as CSV and, with the feature `parquet`, as Parquet; taps as tap sets
 //! of WAV files, as Universal Files (UFF), and as MATLAB files.
 //!
-//! - tables: `tables` has their columns and rows, `column` and `values` are what each format is written from: `csv_file`,
-//!   `parquet_file`
+//! - tables: `tables` has their columns and rows, `column` is what each format is written from: `csv_file`, `parquet_file`
 //! - taps: `taps` has what all formats share: `tap_set`, `uff` (with `fortran`), `mat`
 //! - `folder`: a folder that appears complete or not at all
 
@@ -18,24 +17,26 @@ mod tables;
 mod tap_set;
 mod taps;
 mod uff;
-mod values;
 
 use std::path::Path;
 use std::{fmt, io};
 
+#[cfg(feature = "parquet")]
+use arrow_array::ArrayRef;
+#[cfg(feature = "parquet")]
+use arrow_schema::Field;
 use serde::{Deserialize, Serialize};
 
 pub use error::{Error, Result};
 pub use tap_set::writer::{Scales, TapSetWriter, write_wav};
 pub use taps::{ListedTap, TapCounts, TapFolder};
 pub use uff::UffEncoding;
-pub use values::{ColumnInfo, ColumnKind, Values};
 
 use crate::column::Sink as _;
 use crate::csv_file::CsvFile;
 use crate::mat::Mat;
 #[cfg(feature = "parquet")]
-use crate::parquet_file::ParquetFile;
+use crate::parquet_file::{Batches, ParquetFile};
 use crate::tap_set::TapSetFolder;
 use crate::taps::scan_files::ScanFiles;
 use crate::uff::Uff;
@@ -97,17 +98,19 @@ impl TapFormat {
     }
 }
 
-/// Describes the columns of `table`, which are those of every archive.
-pub fn columns(table: Export) -> Vec<ColumnInfo> {
+/// Describes the columns of `table`, which are those of every archive. Units are in their metadata (`unit`).
+#[cfg(feature = "parquet")]
+pub fn columns(table: Export) -> Vec<Field> {
     tables::describe(table)
 }
 
-/// Hands the rows of `table` of the archive to `take`, thousands at a time, as the values of each of its [`columns`].
+/// Hands the rows of `table` of the archive to `take`, thousands at a time, as an array for each of its [`columns`].
 ///
 /// # Errors
 /// An error of reading the archive.
-pub fn read_values(reader: &Reader, table: Export, take: impl FnMut(Vec<Values>)) -> Result<()> {
-    tables::write(reader, None, table, &mut values::Batches::new(take))
+#[cfg(feature = "parquet")]
+pub fn read_batches(reader: &Reader, table: Export, take: impl FnMut(Vec<ArrayRef>)) -> Result<()> {
+    tables::write(reader, None, table, &mut Batches(take))
 }
 
 /// A table of one archive or of many, written archive by archive: no more than one is in memory.

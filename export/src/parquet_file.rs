@@ -1,4 +1,4 @@
-//! A table as Parquet: typed columns, null for absent values, written one row group at a time.
+//! A table as typed columns of Arrow, with null for absent values, and as Parquet, written one row group at a time.
 
 use std::collections::HashMap;
 use std::io;
@@ -62,7 +62,7 @@ impl<W: io::Write + Send> ParquetFile<W> {
         if matches!(self.state, State::Begun(_))
             && let State::Begun(out) = std::mem::replace(&mut self.state, State::Failed)
         {
-            let schema = Arc::new(Schema::new(columns.iter().map(field).collect::<Vec<_>>()));
+            let schema = Arc::new(Schema::new(fields(columns)));
             let properties = WriterProperties::builder()
                 .set_compression(Compression::SNAPPY)
                 .set_max_row_group_row_count(Some(GROUP_ROWS))
@@ -87,10 +87,7 @@ fn entry(key: &str, value: String) -> KeyValue {
 impl<W: io::Write + Send> Sink for ParquetFile<W> {
     fn rows<R>(&mut self, columns: &[Column<R>], rows: impl Iterator<Item = R>) -> Result<()> {
         let (out, schema) = self.writer(columns)?;
-        let mut rows = rows.peekable();
-        while rows.peek().is_some() {
-            let batch: Vec<R> = rows.by_ref().take(BATCH_ROWS).collect();
-            let arrays = columns.iter().map(|column| array(&column.cells, &batch)).collect();
+        for arrays in batches(columns, rows) {
             out.write(&RecordBatch::try_new(Arc::clone(&schema), arrays).map_err(ParquetError::from)?)?;
         }
         Ok(())
@@ -101,6 +98,25 @@ impl<W: io::Write + Send> Sink for ParquetFile<W> {
         // Flushes buffers below, so that their errors are reported.
         Ok(out.into_inner()?.flush().map_err(ParquetError::from)?)
     }
+}
+
+/// Hands batches of rows to a function, each as an array for every column.
+pub(crate) struct Batches<F>(pub F);
+
+impl<F: FnMut(Vec<ArrayRef>)> Sink for Batches<F> {
+    fn rows<R>(&mut self, columns: &[Column<R>], rows: impl Iterator<Item = R>) -> Result<()> {
+        batches(columns, rows).for_each(&mut self.0);
+        Ok(())
+    }
+
+    fn finish(self) -> Result<()> {
+        Ok(())
+    }
+}
+
+/// Names, types and units of columns.
+pub(crate) fn fields<R>(columns: &[Column<R>]) -> Vec<Field> {
+    columns.iter().map(field).collect()
 }
 
 /// Name, type and unit of a column. Every column may have null, so that the schema never changes.
@@ -116,6 +132,14 @@ fn field<R>(column: &Column<R>) -> Field {
         "" => field,
         unit => field.with_metadata(HashMap::from([(UNIT.to_owned(), unit.to_owned())])),
     }
+}
+
+/// `rows`, a batch at a time, as an array for each of `columns`.
+fn batches<R>(columns: &[Column<R>], mut rows: impl Iterator<Item = R>) -> impl Iterator<Item = Vec<ArrayRef>> {
+    std::iter::from_fn(move || {
+        let batch: Vec<R> = rows.by_ref().take(BATCH_ROWS).collect();
+        (!batch.is_empty()).then(|| columns.iter().map(|column| array(&column.cells, &batch)).collect())
+    })
 }
 
 fn array<R>(cells: &Cells<R>, rows: &[R]) -> ArrayRef {

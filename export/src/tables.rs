@@ -1,5 +1,7 @@
 //! The tables of an archive: their columns and rows.
 
+#[cfg(feature = "parquet")]
+use arrow_schema::Field;
 use tapline_wire::{
     Channel, DamageCell, Discriminator, Discriminators, Judgement, PlannedTap, Quality, Reasons, Scan, ScanState,
     TapState, Verdict,
@@ -7,7 +9,8 @@ use tapline_wire::{
 
 use crate::Export;
 use crate::column::{Column, Sink};
-use crate::values::{ColumnInfo, infos};
+#[cfg(feature = "parquet")]
+use crate::parquet_file::fields;
 use tapline_store::Lost;
 use tapline_store::Reader;
 use tapline_store::{Region, regions};
@@ -26,13 +29,14 @@ pub(crate) fn write(reader: &Reader, name: Option<&str>, table: Export, sink: &m
 }
 
 /// Describes the columns of `table`, which are those of every archive.
-pub(crate) fn describe(table: Export) -> Vec<ColumnInfo> {
+#[cfg(feature = "parquet")]
+pub(crate) fn describe(table: Export) -> Vec<Field> {
     match table {
-        Export::Discriminators => infos(&discriminator_columns(None, [None, None])),
-        Export::Damage => infos(&damage_columns(None)),
-        Export::Regions => infos(&region_columns(None)),
-        Export::Verdicts => infos(&verdict_columns(None)),
-        Export::Ledger => infos(&ledger_columns(None)),
+        Export::Discriminators => fields(&discriminator_columns(None, [None, None])),
+        Export::Damage => fields(&damage_columns(None)),
+        Export::Regions => fields(&region_columns(None)),
+        Export::Verdicts => fields(&verdict_columns(None)),
+        Export::Ledger => fields(&ledger_columns(None)),
     }
 }
 

@@ -1,6 +1,6 @@
 //! Exported tables, character by character.
 
-use tapline_export::{ColumnKind, Export, TableFile, Values, columns, read_values};
+use tapline_export::{Export, TableFile};
 use tapline_store::{Reader, Writer};
 use tapline_wire::SampleFormat;
 
@@ -85,52 +85,6 @@ fn tables_to_the_letter() {
     assert_eq!(lines[3], "1,A\u{e9}-1,1,5,1.85,2,180,0,archived,0,,0,,");
     assert_eq!(lines[4], "1,A\u{e9}-1,1,5,1.85,3,270,0,refused,1,\"force, 3 \"\"bounces\"\"\",0,,");
     assert_eq!(lines[10], "2,A\u{e9}-1,2,,1.85,4,,0,missing,,,0,,acquire");
-}
-
-/// Catches columns that are described differently from what is read, and a value that is not the CSV's.
-#[test]
-fn values_are_those_of_the_csv() {
-    let _guard = crate::common::beside_others();
-    let folder = tempfile::tempdir().unwrap();
-    let reader = unfinished(&folder);
-    for table in Export::ALL {
-        let mut batches = Vec::new();
-        read_values(&reader, table, |values| batches.push(values)).unwrap();
-        let [values] = &batches[..] else { panic!("{table:?}: {} batches", batches.len()) };
-        let csv = exported(&reader, table);
-        let mut lines = csv::Reader::from_reader(csv.as_bytes());
-        let header = lines.headers().unwrap().clone();
-        let rows: Vec<_> = lines.records().map(Result::unwrap).collect();
-        let columns = columns(table);
-        assert_eq!(columns.len(), values.len());
-        for (column, values) in columns.iter().zip(values) {
-            let (kind, texts) = match values {
-                Values::U16(values) => (ColumnKind::U16, texts(values)),
-                Values::U32(values) => (ColumnKind::U32, texts(values)),
-                Values::F64(values) => (ColumnKind::F64, texts(values)),
-                Values::Text(values) => (ColumnKind::Text, texts(values)),
-            };
-            assert_eq!(column.kind, kind, "{}", column.name);
-            assert_eq!(texts.len(), rows.len(), "{}", column.name);
-            // The bits of flags are not in the CSV.
-            let Some(at) = header.iter().position(|name| name == column.name) else {
-                assert!(column.name.ends_with("_bits"), "{}", column.name);
-                continue;
-            };
-            let expected: Vec<_> = rows.iter().map(|row| row[at].to_owned()).collect();
-            match kind {
-                ColumnKind::F64 => {
-                    let number = |text: &String| text.parse::<f64>().ok();
-                    assert!(texts.iter().map(number).eq(expected.iter().map(number)), "{}", column.name);
-                }
-                _ => assert_eq!(texts, expected, "{}", column.name),
-            }
-        }
-    }
-}
-
-fn texts<T: ToString>(values: &[Option<T>]) -> Vec<String> {
-    values.iter().map(|value| value.as_ref().map_or_else(String::new, T::to_string)).collect()
 }
 
 /// Catches a table that the command line cannot name.

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use datafusion::arrow::array::RecordBatch;
 use datafusion::arrow::datatypes::{DataType, Field, Schema, SchemaRef};
 use serde::{Deserialize, Serialize};
-use tapline_export::{ColumnKind, Export, columns};
+use tapline_export::{Export, columns};
 
 pub(crate) use local::Local;
 pub use program::Program;
@@ -38,7 +38,7 @@ impl Task {
     /// Columns of the rows: the file's name, its own columns, and what came of it.
     pub fn schema(&self) -> SchemaRef {
         let of_file = match self {
-            Self::Read(table) => columns(*table).into_iter().map(|column| field(&column)).collect(),
+            Self::Read(table) => columns(*table),
             Self::Reprocess(_) => ReprocessTask::fields(),
         };
         let file = Field::new("file", DataType::Utf8, false);
@@ -59,20 +59,6 @@ impl Task {
             Self::Reprocess(task) => task.run(file)?.map(|row| vec![row]),
         };
         rows::batches(&self.schema(), &file.name, rows)
-    }
-}
-
-fn field(column: &tapline_export::ColumnInfo) -> Field {
-    let kind = match column.kind {
-        ColumnKind::U16 => DataType::UInt16,
-        ColumnKind::U32 => DataType::UInt32,
-        ColumnKind::F64 => DataType::Float64,
-        ColumnKind::Text => DataType::Utf8,
-    };
-    let field = Field::new(&column.name, kind, true);
-    match column.unit {
-        "" => field,
-        unit => field.with_metadata([("unit".to_owned(), unit.to_owned())].into()),
     }
 }
 

@@ -3,11 +3,9 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use datafusion::arrow::array::{
-    ArrayRef, Float64Array, RecordBatch, StringArray, UInt16Array, UInt32Array, new_null_array,
-};
+use datafusion::arrow::array::{ArrayRef, RecordBatch, StringArray, new_null_array};
 use datafusion::arrow::datatypes::SchemaRef;
-use tapline_export::{Export, Values, read_values};
+use tapline_export::{Export, read_batches};
 use tapline_host::messages::print_line;
 use tapline_store::Reader;
 
@@ -21,17 +19,8 @@ pub(crate) type Columns = Vec<ArrayRef>;
 pub(crate) fn read(path: &Path, table: Export) -> Result<Vec<Columns>, tapline_export::Error> {
     let reader = Reader::open(path)?;
     let mut rows = Vec::new();
-    read_values(&reader, table, |values| rows.push(values.into_iter().map(array).collect()))?;
+    read_batches(&reader, table, |columns| rows.push(columns))?;
     Ok(rows)
-}
-
-fn array(values: Values) -> ArrayRef {
-    match values {
-        Values::U16(values) => Arc::new(UInt16Array::from(values)),
-        Values::U32(values) => Arc::new(UInt32Array::from(values)),
-        Values::F64(values) => Arc::new(Float64Array::from(values)),
-        Values::Text(values) => Arc::new(StringArray::from(values)),
-    }
 }
 
 /// Puts the name of the file and what came of it around its `rows`; turns an error into the one row that names it.
