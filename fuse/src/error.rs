@@ -6,6 +6,7 @@ use tapline_wire::{Serial, TapId};
 
 /// Why the fusion cannot be set up, or a record has no place in it.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a variant says what its fields are")]
 #[non_exhaustive]
 pub enum Error {
     /// No discriminator is to enter the index.
@@ -13,30 +14,13 @@ pub enum Error {
     NoDiscriminators,
     /// A discriminator is listed twice.
     #[error("fuse.discriminators lists {name:?} twice: each counts once")]
-    TwiceListed {
-        /// Its name.
-        name: &'static str,
-    },
+    TwiceListed { name: &'static str },
     /// A number of the configuration lies outside its bounds.
     #[error("fuse.{name} = {value}: must be from {low} to {high}")]
-    OutOfRange {
-        /// Which key.
-        name: &'static str,
-        /// What was given.
-        value: f64,
-        /// Least value allowed.
-        low: f64,
-        /// Greatest value allowed.
-        high: f64,
-    },
+    OutOfRange { name: &'static str, value: f64, low: f64, high: f64 },
     /// More shoulders would be rejected than fail to pass.
     #[error("fuse.reject_rate = {reject_rate}: must not be above fuse.re_inspect_rate = {re_inspect_rate}")]
-    RejectRate {
-        /// The rate of rejected shoulders.
-        reject_rate: f64,
-        /// That of shoulders that are not passed.
-        re_inspect_rate: f64,
-    },
+    RejectRate { reject_rate: f64, re_inspect_rate: f64 },
     /// No reference is named.
     #[error(
         "no reference is named (--reference, or reference in [fuse]): give the .json file of one, \"TYRE/SHOULDER\" of this run, \
@@ -45,85 +29,39 @@ pub enum Error {
     ReferenceNotNamed,
     /// The reference is in a file that was not read.
     #[error("the reference {} is in a file, and was not read", path.display())]
-    ReferenceNotRead {
-        /// The file.
-        path: PathBuf,
-    },
+    ReferenceNotRead { path: PathBuf },
     /// The taps of a reference file were recorded or analysed differently from those compared with it.
     #[error(
         "the reference's taps were recorded or analysed differently from these: {difference}; make the reference again from archives that were made like these"
     )]
-    ReferenceMadeOtherwise {
-        /// What differs.
-        difference: String,
-    },
+    ReferenceMadeOtherwise { difference: String },
     /// A reference has no tap at any offset and velocity of the plan.
     #[error("the reference has taps at {known}, the scan plan at {planned}: they have none in common")]
-    NothingInCommon {
-        /// Offsets and velocities of the reference.
-        known: String,
-        /// Offsets and velocities of the plan.
-        planned: String,
-    },
+    NothingInCommon { known: String, planned: String },
     /// The rings of a reference have a different number of locations from those of the plan.
     #[error(
         "the scan taps {planned} locations per ring, which are not all among the {known} of the reference: their arcs cannot be compared"
     )]
-    OtherLocations {
-        /// Locations of the reference's rings.
-        known: usize,
-        /// Locations of the plan's.
-        planned: usize,
-    },
+    OtherLocations { known: usize, planned: usize },
     /// A reference file is not a valid reference.
     #[error("it is not a reference: {reason}")]
-    NotAReference {
-        /// What is wrong with it.
-        reason: String,
-    },
+    NotAReference { reason: String },
     /// A reference is neither `self` nor `TYRE/SHOULDER` nor a file.
     #[error(
         "reference is {text:?}; it must be \"self\", \"TYRE/SHOULDER\" with a shoulder of 0 to 65535, or the name of a .json file \
          that `tapline reference` made"
     )]
-    ReferenceText {
-        /// What was given.
-        text: String,
-    },
+    ReferenceText { text: String },
     /// The reference is not a shoulder of the plan.
     #[error("reference {tyre}/{shoulder} is not one of the {scan_count} shoulders of the scan plan")]
-    ReferenceNotPlanned {
-        /// Serial number given.
-        tyre: Serial,
-        /// Shoulder given.
-        shoulder: u16,
-        /// Shoulders planned.
-        scan_count: usize,
-    },
+    ReferenceNotPlanned { tyre: Serial, shoulder: u16, scan_count: usize },
     /// A record names a row that the plan does not have.
     #[error("a record names plan row {got}; the plan has {tap_count} rows")]
-    NoSuchRow {
-        /// Row named.
-        got: u32,
-        /// Rows there are.
-        tap_count: usize,
-    },
+    NoSuchRow { got: u32, tap_count: usize },
     /// A record names a scan that the plan does not have.
     #[error("scan {got} was named; the plan has {scan_count} scans")]
-    NoSuchScan {
-        /// Scan named.
-        got: usize,
-        /// Scans there are.
-        scan_count: usize,
-    },
+    NoSuchScan { got: usize, scan_count: usize },
     /// A record's tap is not the one planned in its row.
     #[error("plan row {row} is {planned}, but a record for it is named {got}")]
-    OtherTap {
-        /// Plan row.
-        row: u32,
-        /// Tap planned there.
-        planned: Box<TapId>,
-        /// Tap named by the record.
-        got: Box<TapId>,
-    },
+    OtherTap { row: u32, planned: Box<TapId>, got: Box<TapId> },
 }

@@ -4,42 +4,22 @@ use std::path::PathBuf;
 
 /// Why nothing can be imported.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a variant says what its fields are")]
 #[non_exhaustive]
 pub enum Error {
     /// A file cannot be read at all.
     #[error("{}: cannot be read: {source}", file.display())]
-    Unreadable {
-        /// The file.
-        file: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
+    Unreadable { file: PathBuf, source: std::io::Error },
     /// The example cannot be written.
     #[error("{}: cannot be written: {reason}", file.display())]
-    Unwritable {
-        /// The file or folder.
-        file: PathBuf,
-        /// Why.
-        reason: String,
-    },
-    /// The configuration or the table breaks the rules of its form, or has a value out of bounds.
+    Unwritable { file: PathBuf, reason: String },
+    /// The configuration, the table or the name of a recording breaks the rules of its form, or has a value out of bounds;
+    /// lines count from 1.
     #[error("{}{}: {reason}", file.display(), line.map(|line| format!(" line {line}")).unwrap_or_default())]
-    Text {
-        /// The configuration, the table, or the recording whose name it is.
-        file: PathBuf,
-        /// Line, from 1, where one is at fault.
-        line: Option<usize>,
-        /// Thing, value and bound.
-        reason: String,
-    },
+    Text { file: PathBuf, line: Option<usize>, reason: String },
     /// Not one tap can be imported.
     #[error("none of the {tap_count} taps can be imported: {reasons}")]
-    NoTap {
-        /// Taps that are named.
-        tap_count: usize,
-        /// The first few reasons.
-        reasons: String,
-    },
+    NoTap { tap_count: usize, reasons: String },
     /// The tap set cannot be written.
     #[error(transparent)]
     Export(#[from] tapline_export::Error),
@@ -59,43 +39,19 @@ pub(crate) enum Fault {
     Broken(String),
     /// There is no such channel, or part.
     #[error("has no {what} {name}; it has {known}")]
-    Missing {
-        /// `channel`, `part`, ...
-        what: &'static str,
-        /// The name or number that was asked for.
-        name: String,
-        /// What there is.
-        known: String,
-    },
+    Missing { what: &'static str, name: String, known: String },
     /// It has no samples.
     #[error("has no samples")]
     Empty,
     /// It has, or says it has, more than are taken.
     #[error("has {samples} samples per channel; at most {most} are read")]
-    TooMany {
-        /// How many.
-        samples: u64,
-        /// The bound.
-        most: u64,
-    },
+    TooMany { samples: u64, most: u64 },
     /// A sample is no number that a tap set can hold.
     #[error("sample {sample} (from 0) is {value}; it must be a finite 32-bit float")]
-    NotFinite {
-        /// Its place.
-        sample: usize,
-        /// What it is.
-        value: String,
-    },
+    NotFinite { sample: usize, value: String },
     /// What it says contradicts the configuration, or the taps before it.
     #[error("{what} is {value}; {bound}")]
-    Contradiction {
-        /// The thing.
-        what: &'static str,
-        /// Its value here.
-        value: String,
-        /// What it must be.
-        bound: String,
-    },
+    Contradiction { what: &'static str, value: String, bound: String },
 }
 
 /// What a fallible call of this crate returns.

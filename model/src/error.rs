@@ -2,72 +2,30 @@
 
 /// Why a model gives no answer.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a variant says what its fields are")]
 #[non_exhaustive]
 pub enum Error {
     /// A quantity is outside the bounds in which the formulas are meaningful.
     #[error("{name} is {value}; it must lie in {low} to {high}")]
-    OutOfRange {
-        /// Which quantity.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// Smallest value allowed.
-        low: f64,
-        /// Largest value allowed.
-        high: f64,
-    },
+    OutOfRange { name: &'static str, value: f64, low: f64, high: f64 },
     /// The dissertation has no such table of computed contact quantities.
     #[error("there is no table {number}; the tables are 4, 5, 6, 8, 9, 10 and 11")]
-    NoTable {
-        /// The number asked for.
-        number: u8,
-    },
+    NoTable { number: u8 },
     /// The dissertation has no such figure of theoretical curves.
     #[error("there is no figure {number}; the figures are 11-13, 16-20, 22-27, 31, 32 and 36-38")]
-    NoFigure {
-        /// The number asked for.
-        number: u8,
-    },
+    NoFigure { number: u8 },
     /// The impact is too stiff to integrate in the allowed number of steps.
     #[error("integration of the impact stopped after {steps} steps at {reached_s} s of {wanted_s} s")]
-    TooStiff {
-        /// Steps taken.
-        steps: usize,
-        /// Time reached.
-        reached_s: f64,
-        /// Time that was to be reached.
-        wanted_s: f64,
-    },
-    /// A quantity of a simulated tyre's crack is out of its bounds.
+    TooStiff { steps: usize, reached_s: f64, wanted_s: f64 },
+    /// A quantity of a simulated tyre's crack is out of its bounds; cracks count from 1.
     #[error("tyre {serial} crack {number}: {name} is {value}; it must lie in {low} to {high}")]
-    Crack {
-        /// Serial number of the tyre.
-        serial: String,
-        /// Which of its cracks, from 1.
-        number: usize,
-        /// Which quantity.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// Smallest value allowed.
-        low: f64,
-        /// Largest value allowed.
-        high: f64,
-    },
-    /// A fault's fraction is not a probability.
+    Crack { serial: String, number: usize, name: &'static str, value: f64, low: f64, high: f64 },
+    /// A fault's fraction is not a probability; faults count from 0.
     #[error("fault[{number}].fraction is {fraction}; it must lie in 0 to 1")]
-    Fault {
-        /// Which of the faults, from 0.
-        number: usize,
-        /// Its fraction.
-        fraction: f64,
-    },
+    Fault { number: usize, fraction: f64 },
     /// Two simulated tyres share a serial number.
     #[error("two simulated tyres have the serial number {serial:?}")]
-    DuplicateTyre {
-        /// The number.
-        serial: String,
-    },
+    DuplicateTyre { serial: String },
 }
 
 /// `value` if it lies in `low` to `high`; NaN does not.

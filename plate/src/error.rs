@@ -2,26 +2,15 @@
 
 /// Why a casing cannot be simulated.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a variant says what its fields are")]
 #[non_exhaustive]
 pub enum Error {
     /// A quantity is out of its bounds.
     #[error("{name} is {value}; it must lie in {low} to {high}")]
-    OutOfRange {
-        /// Which quantity.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// Smallest value allowed.
-        low: f64,
-        /// Largest value allowed.
-        high: f64,
-    },
+    OutOfRange { name: &'static str, value: f64, low: f64, high: f64 },
     /// The plan has records that the simulator does not make.
     #[error("the plan asks for {what}; the simulator records force and sound as 32-bit numbers of one length")]
-    Recording {
-        /// What it asks for.
-        what: String,
-    },
+    Recording { what: String },
     /// A serial number, offset or velocity that no tap can have.
     #[error(transparent)]
     Id(#[from] tapline_wire::IdError),

@@ -2,34 +2,13 @@
 
 /// Why an extractor cannot be made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of a variant says what its fields are")]
 #[non_exhaustive]
 pub enum Error {
-    /// A setting is not a number or out of its bounds.
+    /// A setting is not a number or out of its bounds; `unit` is empty or begins with a space.
     #[error("{table}.{key} = {value}{unit}: must be finite and {bound}")]
-    OutOfBounds {
-        /// Table of the configuration.
-        table: &'static str,
-        /// Key in that table.
-        key: &'static str,
-        /// Value given.
-        value: f64,
-        /// Its unit with a space before it, or nothing.
-        unit: &'static str,
-        /// What it must be.
-        bound: &'static str,
-    },
+    OutOfBounds { table: &'static str, key: &'static str, value: f64, unit: &'static str, bound: &'static str },
     /// A band ends at or below its beginning, or PR's band reaches beyond its reference.
     #[error("process.{key} = {value} Hz: must be {relation} process.{bound_key} = {bound} Hz")]
-    Band {
-        /// Key of the edge.
-        key: &'static str,
-        /// Edge given, Hz.
-        value: f64,
-        /// Where it must lie.
-        relation: &'static str,
-        /// Key of the other edge.
-        bound_key: &'static str,
-        /// The other edge, Hz.
-        bound: f64,
-    },
+    Band { key: &'static str, value: f64, relation: &'static str, bound_key: &'static str, bound: f64 },
 }

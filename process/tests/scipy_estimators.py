@@ -165,7 +165,8 @@ def discriminators(c, settings):
 
 
 def main():
-    print("//! Cases of the estimators, with the values of numpy and scipy; written by `scipy_estimators.py`.\n")
+    print("//! Cases of the estimators, with the values of numpy and scipy; written by `scipy_estimators.py`.")
+    print("//! The values of a case are in the order of `Discriminator::ALL`.\n")
     print("use tapline_wire::Discriminator;\n")
     print("use crate::signal::Case;\n")
     print("#[rustfmt::skip]\npub(crate) const CASES: &[(Case, &str, [Option<f64>; Discriminator::COUNT])] = &[")
@@ -175,9 +176,8 @@ def main():
         found = discriminators(c, settings)
         fields = ", ".join(f"{key}: {rust(value)}" for key, value in c.items())
         print(f'    (Case {{ name: "{toml}", {fields} }}, "{toml}", [')
-        for key in NAMES:
-            print(f"        {f'Some({float(found[key])!r})' if key in found else 'None'}, // {key}")
-        print("    ]),")
+        values = (f"Some({float(found[key])!r})" if key in found else "None" for key in NAMES)
+        print(f"        {', '.join(values)}]),")
     print("];")
 
 

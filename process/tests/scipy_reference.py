@@ -72,7 +72,8 @@ def rust(value):
 
 
 def main():
-    print("//! Cases with the values of numpy and scipy; written by `scipy_reference.py`.\n")
+    print("//! Cases with the values of numpy and scipy; written by `scipy_reference.py`.")
+    print("//! The values of a case are in the order of `Discriminator::ALL`.\n")
     print("use tapline_wire::Discriminator;\n")
     print("use crate::signal::Case;\n")
     print("#[rustfmt::skip]\npub(crate) const CASES: &[(Case, [Option<f64>; Discriminator::COUNT])] = &[")
@@ -84,9 +85,8 @@ def main():
         found = discriminators(force, sound, c["rate"], c["p"], c["distance"], f_lo=c["f_lo"], follow=c["follow"])
         fields = ", ".join(f"{key}: {rust(value)}" for key, value in c.items())
         print(f'    (Case {{ name: "{name}", {fields} }}, [')
-        for key in NAMES:
-            print(f"        {f'Some({float(found[key])!r})' if key in found else 'None'}, // {key}")
-        print("    ]),")
+        values = (f"Some({float(found[key])!r})" if key in found else "None" for key in NAMES)
+        print(f"        {', '.join(values)}]),")
     print("];")
 
 

@@ -53,10 +53,7 @@ pub async fn copy(from: &[Place], to: &Place) -> Result<Copied> {
     Ok(copied)
 }
 
-/// Copies a file; `Err` with what is wrong with it.
-///
-/// # Errors
-/// What is wrong with a place.
+/// Copies a file; the inner `Err` has what is wrong with it, the outer one what is wrong with a place.
 async fn copy_one(file: &CasingFile, to: &Place) -> Result<Result<Put, String>> {
     let target = CasingFile::new(file.name.clone(), to.join(&file.name).to_string());
     if let Some(end) = target.end().await? {

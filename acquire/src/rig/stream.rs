@@ -33,9 +33,6 @@ impl fmt::Debug for Stream {
 
 impl Stream {
     /// Connects to `HOST:PORT`, or opens `serial:PATH` or `serial:PATH@BAUD`.
-    ///
-    /// # Errors
-    /// Why it cannot be opened.
     pub(super) fn open(address: &str) -> Result<Self, String> {
         match address.strip_prefix(SERIAL) {
             Some(port) => {

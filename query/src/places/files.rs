@@ -55,9 +55,6 @@ impl CasingFile {
     }
 
     /// Its end; `None` if it is not there.
-    ///
-    /// # Errors
-    /// It cannot be read.
     pub(crate) async fn end(&self) -> Result<Option<End>> {
         if let Some(key) = Key::of_address(&self.path) {
             return Ok(objects::end_of(&key, SEAL_END_BYTES).await?.map(|(bytes, last)| End { bytes, last }));

@@ -117,9 +117,6 @@ fn path(key: &Key) -> Result<ObjectPath> {
 }
 
 /// All objects below `keys`, in the order of their keys.
-///
-/// # Errors
-/// A bucket that cannot be used or read.
 pub(crate) async fn list(keys: &Key) -> Result<Vec<Object>> {
     let (bucket, path) = (bucket(&keys.bucket)?, path(keys)?);
     let objects = bucket.read.list(Some(&path)).map_ok(|object| Object {
@@ -134,9 +131,6 @@ pub(crate) async fn list(keys: &Key) -> Result<Vec<Object>> {
 }
 
 /// Length of an object, and its last `bytes`; `None` if it is not there.
-///
-/// # Errors
-/// It cannot be read.
 pub(crate) async fn end_of(key: &Key, bytes: u64) -> Result<Option<(u64, Vec<u8>)>> {
     let (bucket, path) = (bucket(&key.bucket)?, path(key)?);
     let Some(meta) = there(key, bucket.read.head(&path).await)? else { return Ok(None) };
@@ -156,9 +150,6 @@ fn there<T>(key: &Key, read: Result<T, Error>) -> Result<Option<T>> {
 }
 
 /// All of a small object; `None` if it is not there.
-///
-/// # Errors
-/// It cannot be read.
 pub(crate) async fn read(key: &Key) -> Result<Option<Vec<u8>>> {
     let (bucket, path) = (bucket(&key.bucket)?, path(key)?);
     let Some(got) = there(key, bucket.read.get(&path).await)? else { return Ok(None) };
@@ -209,9 +200,6 @@ pub(crate) async fn put(from: &Path, key: &Key, is_new: bool) -> Result<Put> {
 }
 
 /// Puts `bytes` under `key`, as [`put`] does.
-///
-/// # Errors
-/// The server refuses them.
 pub(crate) async fn put_bytes(bytes: Vec<u8>, key: &Key, is_new: bool) -> Result<Put> {
     let mode = if is_new { PutMode::Create } else { PutMode::Overwrite };
     let options = PutOptions { mode, ..PutOptions::default() };

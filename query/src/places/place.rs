@@ -94,9 +94,6 @@ impl Place {
     }
 
     /// Whether it is `other`, or lies in it.
-    ///
-    /// # Errors
-    /// A folder `other` that cannot be read.
     pub(crate) fn lies_in(&self, other: &Self) -> Result<bool> {
         match (self, other) {
             (Self::Keys(this), Self::Keys(other)) => {

@@ -59,8 +59,6 @@ pub(crate) struct FilesExec {
 }
 
 impl FilesExec {
-    /// # Errors
-    /// A column of `projection` that the task has not.
     pub(crate) fn new(task: Task, projection: Option<Vec<usize>>, input: Arc<dyn ExecutionPlan>) -> Result<Self> {
         let schema = match &projection {
             Some(columns) => Arc::new(task.schema().project(columns)?),

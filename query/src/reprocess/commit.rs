@@ -25,9 +25,6 @@ pub(super) struct Job {
 
 impl Job {
     /// Names the job of judging `files` as `task` says; the staging folder is no part of it.
-    ///
-    /// # Errors
-    /// A file that cannot be read.
     pub(super) async fn new(task: &ReprocessTask, files: &[CasingFile]) -> Result<Self> {
         let mut digest = blake3::Hasher::new();
         let mut part = |bytes: &[u8]| {
@@ -121,9 +118,6 @@ impl Committed {
     }
 
     /// The text of the commit file.
-    ///
-    /// # Errors
-    /// None that is known.
     pub(super) fn text(&self) -> Result<Vec<u8>> {
         serde_json::to_vec_pretty(self).context("the commit file cannot be written as JSON")
     }

@@ -53,9 +53,6 @@ pub(super) fn out_place(out: &Place, places: &[Place]) -> Result<Place> {
 
 impl Gathering {
     /// Prepares the job named `job` in `out`.
-    ///
-    /// # Errors
-    /// `out` cannot be written.
     pub(super) fn new(out: &Place, job: &str, files: &[CasingFile]) -> Result<Self> {
         match out {
             Place::Folder(out) => Ok(Self::Folder(Staging::new(out, files)?, out.join(job))),

@@ -41,9 +41,6 @@ fn remove(folder: &Path) -> std::io::Result<()> {
 }
 
 /// The folder `out`, made if it is not there, absolute.
-///
-/// # Errors
-/// It cannot be made.
 pub(super) fn out_folder(out: &Path) -> Result<PathBuf> {
     let context = || format!("cannot make the folder {}", out.display());
     fs::create_dir_all(out).with_context(context)?;
@@ -52,9 +49,6 @@ pub(super) fn out_folder(out: &Path) -> Result<PathBuf> {
 
 impl Staging {
     /// Makes a staging folder in `out` with the folders of `files`, and removes those whose processes are gone.
-    ///
-    /// # Errors
-    /// `out` cannot be written.
     pub(super) fn new(out: &Path, files: &[CasingFile]) -> Result<Self> {
         let context = || format!("cannot make a staging folder in {}", out.display());
         let all = File::create(out.join(LOCK)).and_then(|lock| lock.lock().map(|()| lock)).with_context(context)?;

@@ -33,9 +33,6 @@ pub(crate) struct SyncErrors(Arc<Mutex<Option<io::Error>>>);
 
 impl SyncErrors {
     /// The last error, if there was one.
-    ///
-    /// # Errors
-    /// That error.
     pub(crate) fn last(&self) -> io::Result<()> {
         let last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         last.as_ref().map_or(Ok(()), |error| Err(copy_of(error)))

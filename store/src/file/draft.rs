@@ -52,9 +52,6 @@ fn rename_temporary(from: TempPath, to: &Path) -> Result<()> {
 }
 
 /// Waits until the names in the folder of `path` are on the disk.
-///
-/// # Errors
-/// What the system returns.
 pub(crate) fn sync_folder_of(path: &Path) -> Result<()> {
     File::open(folder_of(path)).and_then(|folder| folder.sync_all()).context("sync the folder of", path)
 }

@@ -28,9 +28,6 @@ pub(crate) struct FileGuard {
 
 impl FileGuard {
     /// Guards the file at `path`, open for reading as `file`; errors of background syncs go to `sync_errors`.
-    ///
-    /// # Errors
-    /// What the system returns.
     pub(crate) fn new(file: File, path: &Path, sync_errors: &SyncErrors) -> Result<Self> {
         let file = Arc::new(file);
         let background = BackgroundSync::new(file.clone(), sync_errors);

@@ -58,26 +58,17 @@ unsafe extern "C" {
 
 /// Makes the library treat the whole file as used: a killed writer may have left chunks after the end in the
 /// superblock, and their space must not be allocated again.
-///
-/// # Errors
-/// What the library returns.
 pub(crate) fn take_whole_file(file: &hdf5::File) -> hdf5::Result<()> {
     // SAFETY: the lock of the library is held and the file's identifier is valid while `file` lives.
     sync(|| if unsafe { H5Fincrement_filesize(file.id(), 0) } < 0 { Err(Error::query()?) } else { Ok(()) })
 }
 
 /// Keeps processes that this one starts from inheriting the open file, and with it the lock.
-///
-/// # Errors
-/// What the library or the system returns.
 pub(crate) fn close_in_children(file: &hdf5::File) -> hdf5::Result<()> {
     with_descriptor(file, |descriptor| Ok(rustix::io::fcntl_setfd(descriptor, FdFlags::CLOEXEC)?))
 }
 
 /// Another handle of the open file, for reading, without the lock; it works even if the file was renamed.
-///
-/// # Errors
-/// What the library or the system returns.
 pub(crate) fn read_handle(file: &hdf5::File) -> hdf5::Result<File> {
     with_descriptor(file, |descriptor| File::open(format!("/proc/self/fd/{}", descriptor.as_raw_fd())))
 }

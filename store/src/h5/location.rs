@@ -14,18 +14,12 @@ pub(crate) struct ChunkLocation {
 
 impl ChunkLocation {
     /// Reads the chunk from `file` into `stored`, whose old contents are lost.
-    ///
-    /// # Errors
-    /// What the system returns.
     pub(crate) fn read(self, file: &File, stored: &mut Vec<u8>) -> io::Result<()> {
         self.make_room(file, stored)?;
         file.read_exact_at(stored, self.address)
     }
 
     /// Makes `stored` as long as the chunk, whose bytes are read later.
-    ///
-    /// # Errors
-    /// What the system returns.
     pub(crate) fn make_room(self, file: &File, stored: &mut Vec<u8>) -> io::Result<()> {
         // A damaged length must not allocate more memory than the file has bytes.
         if self.length > stored.capacity() && self.length as u64 > file.metadata()?.len() {
@@ -36,9 +30,6 @@ impl ChunkLocation {
     }
 
     /// Reads the bytes `part` of the chunk to their place in `stored`, which [has room](Self::make_room) for the whole chunk.
-    ///
-    /// # Errors
-    /// What the system returns.
     pub(crate) fn read_part(self, file: &File, stored: &mut [u8], part: Range<usize>) -> io::Result<()> {
         let address = self.address + part.start as u64;
         file.read_exact_at(&mut stored[part], address)

@@ -16,18 +16,12 @@ pub(crate) struct InMemory<R>(Datatype, PhantomData<R>);
 
 impl<R: PlainRow> InMemory<R> {
     /// Describes `R` to the library, which takes as long as writing dozens of rows.
-    ///
-    /// # Errors
-    /// What the library returns.
     pub(crate) fn describe() -> hdf5::Result<Self> {
         Ok(Self(Datatype::from_type::<R>()?, PhantomData))
     }
 }
 
 /// Writes `rows` to the one-dimensional `dataset`, from row `first` on.
-///
-/// # Errors
-/// What the library returns.
 pub(crate) fn write_rows<R: PlainRow>(
     dataset: &Dataset,
     in_memory: &InMemory<R>,

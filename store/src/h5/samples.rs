@@ -66,9 +66,6 @@ impl ChunkRows {
     }
 
     /// Writes row `row` of samples `T` through the library, which packs it.
-    ///
-    /// # Errors
-    /// What the library returns.
     pub(crate) fn write_unpacked<T: H5Type + bytemuck::Pod>(&self, row: u32, samples: &[u8]) -> hdf5::Result<()> {
         let samples: Vec<T> = samples.chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect();
         let &[_, channels, count] = self.dataset.shape().as_slice() else { return Err("a row has no shape".into()) };
@@ -77,9 +74,6 @@ impl ChunkRows {
     }
 
     /// The location of every row, as [`ChunkRows::location`] finds one, in `file`, which nobody may write meanwhile.
-    ///
-    /// # Errors
-    /// What the library returns.
     pub(crate) fn locations(&self, file: &File) -> hdf5::Result<Vec<Option<ChunkLocation>>> {
         match self.index(file) {
             Some(chunks) => Ok(chunks.into_iter().map(|(location, mask)| self.known(location, mask)).collect()),
@@ -114,9 +108,6 @@ impl ChunkRows {
     }
 
     /// The location of row `row`; `None` if it was never written, or by another filter.
-    ///
-    /// # Errors
-    /// What the library returns.
     pub(crate) fn location(&self, row: u32) -> hdf5::Result<Option<ChunkLocation>> {
         let offset: [hsize_t; 3] = [row.into(), 0, 0];
         let (mut mask, mut address, mut length): (u32, haddr_t, hsize_t) = (0, haddr_t::MAX, 0);

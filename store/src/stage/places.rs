@@ -103,9 +103,6 @@ impl Places {
     }
 
     /// The path for the finished file of the casing `name`, which no file has.
-    ///
-    /// # Errors
-    /// What the system returns.
     pub(crate) fn finish(&self, name: &str) -> Result<PathBuf> {
         let (folder, stem) = (self.folder(), escaped(name));
         fs::create_dir_all(&folder).context("create", &folder)?;

@@ -48,9 +48,6 @@ pub(super) trait Device {
 }
 
 /// Opens the device `name`.
-///
-/// # Errors
-/// Why it cannot be opened as `config` wants it.
 pub(super) fn open(name: &DeviceName, config: &CaptureConfig) -> Result<Box<dyn Device>, String> {
     match name {
         #[cfg(feature = "alsa")]

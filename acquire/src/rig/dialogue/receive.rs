@@ -11,10 +11,7 @@ use crate::rig::protocol::{RigMessage, UNKNOWN, VERSION, one_line};
 const UNEXPECTED_MAX: u32 = 100;
 
 impl Dialogue {
-    /// Handles a line from the rig; returns whether something has changed for the station.
-    ///
-    /// # Errors
-    /// The reason to end the connection.
+    /// Handles a line from the rig; returns whether something has changed for the station, or why to end the connection.
     pub(crate) fn receive(&mut self, line: &str) -> Result<bool, String> {
         let now = Instant::now();
         self.last_received = Some(now);
