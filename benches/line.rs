@@ -96,11 +96,9 @@ fn keep(lines: &[Vec<Pace>; 3], halves: &[Pace], replayed: &[Pace], alone: &[f64
         let all = of(paces, &|pace| of_name(pace, 0) + of_name(pace, 1));
         let kernel = of(paces, &|pace| of_name(pace, 1));
         let share = Spread::of_ratio(&kernel, &all);
-        rows.push(Row::new(format!("processor time of {what}"), "us per tap", &all).beside(
-            "of it in the kernel",
-            share,
-            "",
-        ));
+        rows.push(
+            Row::new(format!("processor time of {what}"), "us per tap", &all).beside("of it in the kernel", share, ""),
+        );
     }
     let beside_source = of(&lines[1], &|pace| {
         pace.cpu_us

@@ -65,14 +65,8 @@ struct Columns {
 
 /// Names of the row vectors, in the order of their numbers.
 const NUMBERS: [&str; 8] = [
-    "location",
-    "angle_deg",
-    "offset_mm",
-    "velocity_m_per_s",
-    "velocity_measured_m_per_s",
-    "repetition",
-    "sample_count",
-    "microphone_distance_m",
+    "location", "angle_deg", "offset_mm", "velocity_m_per_s", "velocity_measured_m_per_s", "repetition",
+    "sample_count", "microphone_distance_m",
 ];
 
 impl Columns {

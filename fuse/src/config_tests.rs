@@ -56,16 +56,9 @@ fn names_are_those_of_configurations() {
 fn what_is_not_understood_is_refused() {
     // Catches a typo in a configuration being ignored silently.
     for text in [
-        "reject_at = 3.0",
-        "directions = { prr = \"falls\" }",
-        "directions = { pr = \"up\" }",
-        "discriminators = [\"PR\"]",
-        "index = \"mean\"",
-        "reference = \"T1\"",
-        "reference = \"T1/left\"",
-        "reference = \"T1/2/2\"",
-        "reference = \"/2\"",
-        "reference = \"T1/70000\"",
+        "reject_at = 3.0", "directions = { prr = \"falls\" }", "directions = { pr = \"up\" }",
+        "discriminators = [\"PR\"]", "index = \"mean\"", "reference = \"T1\"", "reference = \"T1/left\"",
+        "reference = \"T1/2/2\"", "reference = \"/2\"", "reference = \"T1/70000\"",
     ] {
         assert!(toml::from_str::<FuseConfig>(text).is_err(), "{text}");
     }

@@ -14,19 +14,8 @@ const PATIENCE: Duration = Duration::from_secs(20);
 
 /// Cases whose first file is damaged: at least one of each format and layout.
 const CASES: [&str; 13] = [
-    "wav16",
-    "wav24",
-    "wav_float",
-    "csv",
-    "hdf5_files",
-    "hdf5_groups",
-    "mat5_int16",
-    "mat7_int16",
-    "mat5_structs",
-    "uff58",
-    "uff58b",
-    "tdms_groups",
-    "tdms_layouts",
+    "wav16", "wav24", "wav_float", "csv", "hdf5_files", "hdf5_groups", "mat5_int16", "mat7_int16", "mat5_structs",
+    "uff58", "uff58b", "tdms_groups", "tdms_layouts",
 ];
 
 /// Numbers that depend on nothing but their seed.

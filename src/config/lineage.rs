@@ -89,28 +89,8 @@ mod tests {
 
     /// Words that some option takes.
     const WORDS: &[&str] = &[
-        "f64",
-        "dissertation",
-        "mean",
-        "reference",
-        "keep",
-        "drop",
-        "retake",
-        "none",
-        "falls",
-        "rises",
-        "zstd",
-        "line",
-        "plate",
-        "exact",
-        "f32",
-        "parabola",
-        "raw",
-        "impulse",
-        "noise",
-        "fractional",
-        "self",
-        "B/2",
+        "f64", "dissertation", "mean", "reference", "keep", "drop", "retake", "none", "falls", "rises", "zstd", "line",
+        "plate", "exact", "f32", "parabola", "raw", "impulse", "noise", "fractional", "self", "B/2",
     ];
 
     /// Every value of `value`, by its path, as others of the same kind.

@@ -171,12 +171,7 @@ mod tests {
             assert!(is_at_this_machine(host), "{host}");
         }
         for host in [
-            "",
-            "evil.example",
-            "evil.example:8088",
-            "127.0.0.1.evil.example",
-            "localhost.evil:80",
-            "10.0.0.1",
+            "", "evil.example", "evil.example:8088", "127.0.0.1.evil.example", "localhost.evil:80", "10.0.0.1",
             "[::2]:1",
         ] {
             assert!(!is_at_this_machine(host), "{host}");

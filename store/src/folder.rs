@@ -205,18 +205,8 @@ mod tests {
     #[test]
     fn a_folder_is_its_finished_archives() {
         let files = [
-            "2026-11-24/A.h5",
-            "2026-11-23/B.h5",
-            "2026-11-23/A.0123456789ab.h5",
-            "C.h5",
-            "C.0123456789ab.h5",
-            "C.2.h5",
-            "open/D.17.h5",
-            "left/E.18.h5",
-            ".hidden/F.h5",
-            ".G.h5",
-            "run.toml",
-            "H.h5.1-0.new",
+            "2026-11-24/A.h5", "2026-11-23/B.h5", "2026-11-23/A.0123456789ab.h5", "C.h5", "C.0123456789ab.h5",
+            "C.2.h5", "open/D.17.h5", "left/E.18.h5", ".hidden/F.h5", ".G.h5", "run.toml", "H.h5.1-0.new",
         ];
         let folder = made(&files);
         fs::create_dir(folder.path().join("I.h5")).unwrap();

@@ -182,11 +182,7 @@ fn a_page_can_be_signed() {
         assert_well_formed("a", text);
         assert!(text.contains("counter(page) \" of \" counter(pages)") && text.contains(of), "{of}");
         for part in [
-            "&lt;North&gt;, line 2",
-            "A. Smith",
-            "QP-17",
-            "signature</th>",
-            "12.5 mm or longer, 90 % are found",
+            "&lt;North&gt;, line 2", "A. Smith", "QP-17", "signature</th>", "12.5 mm or longer, 90 % are found",
             "study 3",
         ] {
             assert!(text.contains(part), "{part}");

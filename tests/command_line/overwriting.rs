@@ -64,12 +64,8 @@ fn content(path: &Path) -> Vec<(String, Vec<u8>)> {
 fn nothing_half_written_stays_after_a_signal() {
     let sandbox = scanned(&SMALL.replace("repetitions = 1", "repetitions = 8"));
     for command in [
-        "export x discriminators --out v.csv",
-        "export x taps --out taps",
-        "export x taps --format mat --out mats",
-        "repack x --codec gzip --out y",
-        "report x --out pages",
-        "reference x --labelled --out r.json",
+        "export x discriminators --out v.csv", "export x taps --out taps", "export x taps --format mat --out mats",
+        "repack x --codec gzip --out y", "report x --out pages", "reference x --labelled --out r.json",
         "reprocess x --from-samples --jobs 1",
     ] {
         let (mut ended, mut wait) = (0, Duration::from_millis(2));

@@ -14,16 +14,8 @@ pub(crate) const MEASURED: &str = "velocity_measured_m_per_s";
 
 /// The columns.
 pub(crate) const COLUMNS: &[&str] = &[
-    MEASURED,
-    "station",
-    "attempt",
-    "purpose",
-    "tap_time_ns",
-    "force_full_scale_n",
-    "sound_full_scale_v",
-    "sound_full_scale_pa",
-    "microphone_distance_m",
-    "refused",
+    MEASURED, "station", "attempt", "purpose", "tap_time_ns", "force_full_scale_n", "sound_full_scale_v",
+    "sound_full_scale_pa", "microphone_distance_m", "refused",
 ];
 
 /// The values of the optional columns for one tap.

@@ -147,20 +147,8 @@ fn what_is_damaged(error: tapline_store::Error) -> Result<String> {
 
 /// Columns of the list that every export of taps has, in the order of [`cells`].
 pub(crate) const COLUMNS: [&str; 14] = [
-    "file",
-    "tyre",
-    "shoulder",
-    "offset_mm",
-    "velocity_m_per_s",
-    "location",
-    "angle_deg",
-    "repetition",
-    "velocity_measured_m_per_s",
-    "station",
-    "attempt",
-    "purpose",
-    "tap_time_ns",
-    "refused",
+    "file", "tyre", "shoulder", "offset_mm", "velocity_m_per_s", "location", "angle_deg", "repetition",
+    "velocity_measured_m_per_s", "station", "attempt", "purpose", "tap_time_ns", "refused",
 ];
 
 /// The cells of a tap whose samples are in `file`.

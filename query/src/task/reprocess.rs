@@ -24,10 +24,7 @@ const CODES: [i32; 2] = [0, 3];
 
 /// What the system says of a host that lacks room, memory or files, or whose disk fails.
 const OF_HOST: [&str; 5] = [
-    "No space left on device",
-    "Disk quota exceeded",
-    "Input/output error",
-    "Cannot allocate memory",
+    "No space left on device", "Disk quota exceeded", "Input/output error", "Cannot allocate memory",
     "Too many open files",
 ];
 
