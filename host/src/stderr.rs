@@ -1,6 +1,7 @@
 //! Standard error, for messages and the log. A line must go on although nobody reads it: after [`never_wait`] a thread
 //! writes it, and what does not fit into its queue is dropped and counted.
 
+use std::cell::Cell;
 use std::io::{self, Write};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -23,13 +24,18 @@ static UNWRITTEN: AtomicUsize = AtomicUsize::new(0);
 /// Messages that did not fit into the queue.
 static DROPPED: AtomicU64 = AtomicU64::new(0);
 
+thread_local! {
+    /// Whether this is the thread that writes.
+    static WRITES: Cell<bool> = const { Cell::new(false) };
+}
+
 /// Standard error. Each `write` is one message.
 #[derive(Debug, Clone, Copy)]
 pub struct Stderr;
 
 impl Write for Stderr {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let Some(queue) = QUEUE.get() else { return io::stderr().write(bytes) };
+        let Some(queue) = QUEUE.get().filter(|_| !WRITES.get()) else { return io::stderr().write(bytes) };
         UNWRITTEN.fetch_add(1, Ordering::AcqRel);
         if queue.try_send(bytes.to_vec()).is_err() {
             UNWRITTEN.fetch_sub(1, Ordering::AcqRel);
@@ -55,10 +61,12 @@ pub fn never_wait() -> io::Result<()> {
 }
 
 fn write_all(messages: &Receiver<Vec<u8>>) {
+    WRITES.set(true);
     for message in messages {
         // If standard error is closed or full, nothing can be done about it.
         drop(io::stderr().write_all(&message));
-        let dropped = DROPPED.swap(0, Ordering::AcqRel);
+        // What was dropped came after what is queued.
+        let dropped = if messages.is_empty() { DROPPED.swap(0, Ordering::AcqRel) } else { 0 };
         if dropped > 0 {
             tracing::error!("nobody read the log: {dropped} messages were dropped");
         }

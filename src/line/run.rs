@@ -141,6 +141,11 @@ fn say_how_it_ended(pace: &Pace) {
     say(&format!("the line has ended: {judged} judged"));
     pace.unfinished.iter().for_each(|text| say(text));
     for (receiver, count) in &pace.waiting {
+        if receiver == Receiver::Print.name() {
+            let count = counted(*count as usize, "verdict was", "verdicts were");
+            tracing::error!("{count} not printed, because nobody read them: the same command prints them");
+            continue;
+        }
         let count = counted(*count as usize, "verdict waits", "verdicts wait");
         say(&format!("{count} for {receiver}: the same command reports them"));
     }

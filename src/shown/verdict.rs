@@ -129,7 +129,8 @@ impl CasingVerdict {
             writeln!(out, "{}", if form == Form::Short { shoulder.short() } else { self.line(shoulder) })?;
         }
         if form == Form::Json {
-            writeln!(out, "{}", self.json())?;
+            // In one piece, so that a reader that goes away gets no half of a line.
+            out.write_all((self.json() + "\n").as_bytes())?;
         }
         Ok(out.flush()?)
     }

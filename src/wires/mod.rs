@@ -1,7 +1,7 @@
-//! Verdicts on their way out: to the plant's command, and over its wires.
+//! Verdicts on their way out: to standard output, to the plant's command, and over its wires.
 //!
-//! Each wire carries two things: each *verdict*, until it is acknowledged, even after the line was killed; and the
-//! *current verdict* of a station, until the next casing comes. While it is in doubt there is none. Each wire has a
+//! Each *verdict* goes to each receiver, until it is acknowledged, even after the line was killed. Each wire also carries the
+//! *current verdict* of a station, until the next casing comes; while it is in doubt there is none. Each receiver has a
 //! thread of its own: the line never waits for its other end.
 //!
 //! - here: starts all of them, passes them the line's state, and ends them

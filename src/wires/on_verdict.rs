@@ -1,15 +1,17 @@
 //! The plant's command `on_verdict`, which is run with each verdict.
 
 use std::fs::{self, Metadata};
-use std::io::Write as _;
+use std::io::{Read as _, Write as _};
 use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::process::CommandExt as _;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, ChildStderr, Command, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail, ensure};
+use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::process::{Pid, Signal, kill_process_group};
+use tapline_host::stderr::Stderr;
 use tapline_store::Unreported;
 
 use crate::shown::verdict::CasingVerdict;
@@ -69,6 +71,7 @@ fn run(command: &str, note: &Unreported, verdict: &CasingVerdict, until: &Until)
         .env("TAPLINE_FILE", &verdict.file)
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
+        .stderr(Stdio::piped())
         // A Ctrl-C is for the line: a command that has begun is not interrupted.
         .process_group(0)
         .spawn();
@@ -84,13 +87,28 @@ fn run(command: &str, note: &Unreported, verdict: &CasingVerdict, until: &Until)
             tracing::debug!(%error, "on_verdict does not read its input");
         }
     }
-    wait_for(child, until)
+    let log = child.stderr.take();
+    if let Some(log) = &log {
+        fcntl_setfl(log, fcntl_getfl(log)? | OFlags::NONBLOCK)?;
+    }
+    wait_for(child, log, until)
 }
 
-fn wait_for(mut child: Child, until: &Until) -> Result<Reported> {
+/// Passes on what a command writes to its `log`, so that it does not wait until somebody reads the line's.
+fn pass_on(log: &mut Option<ChildStderr>) -> Result<()> {
+    let mut bytes = [0; 4096];
+    while let Some(count) = log.as_mut().and_then(|log| log.read(&mut bytes).ok()).filter(|&count| count > 0) {
+        Stderr.write_all(&bytes[..count])?;
+    }
+    Ok(())
+}
+
+fn wait_for(mut child: Child, mut log: Option<ChildStderr>, until: &Until) -> Result<Reported> {
     let since = Instant::now();
     loop {
-        match child.try_wait()? {
+        let ended = child.try_wait()?;
+        pass_on(&mut log)?;
+        match ended {
             Some(status) if status.success() => return Ok(Reported::Done),
             Some(status) if status.code() == Some(LATER) => {
                 return Ok(Reported::Later("on_verdict asks to be run again later".to_owned()));

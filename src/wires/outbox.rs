@@ -24,6 +24,9 @@ use crate::shown::verdict::CasingVerdict;
 /// Most verdicts that may wait at once; those beyond stay on the disk for the next start of the line.
 const WAITING_MAX: usize = 100_000;
 
+/// Most verdicts that wait in memory; the others are read from their files.
+const KEPT_MAX: usize = 1000;
+
 /// Most alarms that wait to be taken.
 const ALARMS_MAX: usize = 64;
 
@@ -71,8 +74,9 @@ struct Waiting {
     file_name: String,
     /// Who is still to acknowledge it.
     owed: Vec<Receiver>,
-    /// Whether the line has taken it up: counted and shown it. It is not printed before.
-    is_taken_up: bool,
+    /// The verdict, so that it is reported although its file is moved away meanwhile; `None` if an earlier line has left it, or
+    /// many wait.
+    verdict: Option<Arc<CasingVerdict>>,
     /// Whether its file could not be read: it waits for the next start of the line.
     is_unreadable: bool,
 }
@@ -114,7 +118,7 @@ impl Outbox {
                 }
             };
             match outbox.file_of(&note).exists() {
-                true => outbox.add(note, &acknowledged, false),
+                true => outbox.add(note, &acknowledged, None),
                 false => outbox.state().unnamed.push(note),
             }
         }
@@ -145,7 +149,7 @@ impl Outbox {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn add(&self, note: Unreported, acknowledged: &[String], is_taken_up: bool) {
+    fn add(&self, note: Unreported, acknowledged: &[String], verdict: Option<Arc<CasingVerdict>>) {
         let mut file_name = note.id();
         acknowledged.iter().for_each(|name| file_name = format!("{file_name}.{name}"));
         let is_owed = |receiver: &&Receiver| acknowledged.iter().all(|name| name != receiver.name());
@@ -165,36 +169,25 @@ impl Outbox {
             return;
         }
         let key = (note.at_ns, note.number);
-        // One that an earlier line has printed was taken up by it.
-        let is_taken_up = is_taken_up || !owed.contains(&Receiver::Print);
-        state.waiting.insert(key, Waiting { note, file_name, owed, is_taken_up, is_unreadable: false });
+        let verdict = verdict.filter(|_| state.waiting.len() < KEPT_MAX);
+        state.waiting.insert(key, Waiting { note, file_name, owed, verdict, is_unreadable: false });
         state.wakes.iter().for_each(|wake| wake());
     }
 
-    /// Takes up the casing `number`, whose file has its name now. `None` if it was taken up before.
-    pub(crate) fn take_up(&self, number: u64) -> Result<Option<Unreported>> {
+    /// The note of the casing `number`, whose file has its name now; `None` if its verdict is or was in here.
+    pub(crate) fn note(&self, number: u64) -> Result<Option<Unreported>> {
         if self.state().waiting.values().any(|waiting| waiting.note.number == number) {
-            // One that waited when the line was started is taken up by then.
             return Ok(None);
         }
         let path = self.places.unreported_folder().join(casing_id(number));
-        if !path.try_exists().with_context(|| format!("cannot look for {}", path.display()))? {
-            return Ok(None);
-        }
-        let note = Unreported::read(&path)?;
-        self.state().unnamed.retain(|unnamed| unnamed.number != number);
-        self.add(note.clone(), &[], true);
-        Ok(Some(note))
+        let is_there = path.try_exists().with_context(|| format!("cannot look for {}", path.display()))?;
+        Ok(if is_there { Some(Unreported::read(&path)?) } else { None })
     }
 
-    /// Takes up the oldest verdict that an earlier line has not printed.
-    pub(crate) fn take_up_left(&self) -> Option<Unreported> {
-        let mut state = self.state();
-        let left = state.waiting.values_mut().find(|waiting| !waiting.is_taken_up)?;
-        left.is_taken_up = true;
-        let note = left.note.clone();
-        state.wakes.iter().for_each(|wake| wake());
-        Some(note)
+    /// Has the `verdict` of `note` reported to every receiver; without it, what its file says.
+    pub(crate) fn put(&self, note: Unreported, verdict: Option<Arc<CasingVerdict>>) {
+        self.state().unnamed.retain(|unnamed| unnamed.number != note.number);
+        self.add(note, &[], verdict);
     }
 
     /// The oldest verdict that `receiver` is to be sent; of one station, if it asks for one.
@@ -232,6 +225,10 @@ impl Outbox {
 
     /// The verdict that `note` is about. Where it cannot be read, `note` is not reported before the next start of the line.
     pub(crate) fn read(&self, note: &Unreported) -> Option<Arc<CasingVerdict>> {
+        let kept = self.state().waiting.get(&(note.at_ns, note.number)).and_then(|waiting| waiting.verdict.clone());
+        if kept.is_some() {
+            return kept;
+        }
         let path = self.file_of(note);
         let read = Reader::open(&path).map_err(anyhow::Error::from);
         match read.and_then(|reader| CasingVerdict::read(&note.name, note.number, note.at_ns, &reader)) {
@@ -264,9 +261,10 @@ impl Outbox {
         waiting.owed.swap_remove(place);
         let before = waiting.file_name.clone();
         if waiting.owed.is_empty() {
-            state.waiting.remove(&key);
             drop(state);
+            // First the note: while it is there, `note` must find that its verdict is in here.
             self.remove(&before);
+            self.state().waiting.remove(&key);
         } else {
             waiting.file_name = format!("{before}.{}", receiver.name());
             let after = waiting.file_name.clone();
@@ -314,7 +312,7 @@ impl Outbox {
         std::mem::take(&mut self.state().alarms)
     }
 
-    /// The state of each receiver.
+    /// The state of each receiver. Standard output that nobody reads is no trouble: other receivers have the verdicts.
     pub(crate) fn statuses(&self) -> Vec<ReceiverStatus> {
         let state = self.state();
         let now_ns = now_ns();
@@ -330,6 +328,7 @@ impl Outbox {
             });
             let trouble =
                 state.troubles.iter().find(|((of, _), _)| *of == receiver).map(|(_, text)| text.clone()).or(late);
+            let trouble = trouble.filter(|_| receiver != Receiver::Print);
             ReceiverStatus { name: receiver.name().to_owned(), waiting: count as u64, trouble }
         };
         self.receivers.iter().map(|&receiver| of(receiver)).collect()
@@ -354,11 +353,7 @@ impl Outbox {
 impl State {
     /// The verdicts that `receiver` is to be sent, the oldest first.
     fn owed(&self, receiver: Receiver) -> impl Iterator<Item = &Waiting> {
-        let is_due = move |waiting: &&Waiting| receiver != Receiver::Print || waiting.is_taken_up;
-        self.waiting
-            .values()
-            .filter(is_due)
-            .filter(move |waiting| !waiting.is_unreadable && waiting.owed.contains(&receiver))
+        self.waiting.values().filter(move |waiting| !waiting.is_unreadable && waiting.owed.contains(&receiver))
     }
 
     fn alarm(&mut self, text: String) {

@@ -4,6 +4,7 @@ use std::cmp::Reverse;
 use std::collections::BTreeSet;
 use std::io::Write as _;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use anyhow::Result;
 use tapline_host::atomic_file::{Existing, write_atomically};
@@ -20,6 +21,7 @@ use super::{SHOWN_MAX, Supervisor};
 impl Supervisor<'_> {
     pub(super) fn closed(&mut self, header: &CasingHeader, path: PathBuf) {
         let number = header.stamp.casing;
+        let station = u16::try_from(header.station).unwrap_or(u16::MAX);
         let place = self.open.iter().position(|casing| casing.number == number && number != 0);
         let was_open = place.is_some();
         let name = match place {
@@ -28,7 +30,7 @@ impl Supervisor<'_> {
             None => path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
         };
         if was_open {
-            self.note_on_rig(u16::try_from(header.station).unwrap_or(u16::MAX), &name);
+            self.note_on_rig(station, &name);
         }
         let is_again = match (self.is_list, number) {
             (true, _) => !self.known.insert(path.clone()),
@@ -40,8 +42,8 @@ impl Supervisor<'_> {
         if is_again {
             return;
         }
-        let unreported = Unreported { number, name, station: 0, at_ns: now_ns(), file: path };
-        let unreported = if self.is_list || number == 0 { Some(unreported) } else { self.take_up(unreported) };
+        let unreported = Unreported { number, name, station, at_ns: now_ns(), file: path };
+        let unreported = if self.is_list || number == 0 { Some(unreported) } else { self.note_of(unreported) };
         let Some(unreported) = unreported else { return };
         // A line that never ends counts only those that it has judged itself.
         self.pace.closed += usize::from(self.is_list || number != 0);
@@ -57,7 +59,7 @@ impl Supervisor<'_> {
             }
             return;
         }
-        self.report(&unreported, was_open);
+        self.report(unreported, was_open);
     }
 
     /// Notes that the casing `name` is done and may still be on the rig of `station`, so that a line that starts anew does not scan
@@ -75,23 +77,14 @@ impl Supervisor<'_> {
     }
 
     /// The note of a casing that is closed; `None` if its verdict was reported before.
-    fn take_up(&mut self, unreported: Unreported) -> Option<Unreported> {
-        match self.audience.wires.as_ref()?.outbox.take_up(unreported.number) {
-            Ok(note) => note,
-            Err(error) => {
-                tracing::error!(casing = unreported.name, "its verdict is only shown: {error:#}");
-                self.alarm(format!("casing {}: its verdict is only shown: {error:#}", unreported.name));
-                Some(unreported)
-            }
-        }
-    }
-
-    /// Reports the verdicts that an earlier line could not print.
-    pub(super) fn report_left(&mut self) {
-        while let Some(note) = self.audience.wires.as_ref().and_then(|wires| wires.outbox.take_up_left()) {
-            self.pace.closed += 1;
-            self.report(&note, false);
-        }
+    fn note_of(&mut self, unreported: Unreported) -> Option<Unreported> {
+        let note = self.audience.wires.as_ref()?.outbox.note(unreported.number);
+        note.unwrap_or_else(|error| {
+            let text = format!("casing {}: its verdict may be reported twice: {error:#}", unreported.name);
+            tracing::error!("{text}");
+            self.alarm(text);
+            Some(unreported)
+        })
     }
 
     /// Shows the last verdicts of earlier lines in the folder, so that a line that starts anew does not begin with an empty page.
@@ -111,13 +104,15 @@ impl Supervisor<'_> {
     }
 
     /// Reports the verdict on the casing of `note`; `was_open` says whether it has just left its station.
-    fn report(&mut self, note: &Unreported, was_open: bool) {
+    fn report(&mut self, note: Unreported, was_open: bool) {
         let path = self.shown.out.join(&note.file);
         let read = || -> Result<_> {
             let reader = Reader::open(&path)?;
             Ok((CasingVerdict::read(&note.name, note.number, note.at_ns, &reader)?, reader))
         };
-        match read() {
+        let read = read();
+        let verdict = read.as_ref().ok().map(|(verdict, _)| Arc::new(verdict.clone()));
+        match read {
             Ok((verdict, reader)) => {
                 if verdict.refused + verdict.missing > 0 {
                     let CasingVerdict { casing, refused, missing, .. } = &verdict;
@@ -142,6 +137,7 @@ impl Supervisor<'_> {
                 self.alarm(format!("{}: cannot read the verdict", path.display()));
             }
         }
+        self.audience.wires.iter().for_each(|wires| wires.outbox.put(note.clone(), verdict.clone()));
         self.shown.closed_count += 1;
     }
 

@@ -186,7 +186,6 @@ impl<'a> Supervisor<'a> {
 
     /// Runs the line until `count` casings are closed or refused, or, if it never ends, until it is asked to stop.
     pub(crate) fn until_done(mut self, count: Option<usize>) -> Result<Pace> {
-        self.report_left();
         if !self.is_list {
             self.recall();
         }
