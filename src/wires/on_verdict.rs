@@ -21,6 +21,9 @@ use crate::wires::reporter::{Reported, Reporter, Until};
 /// How long the command may take.
 const TIMEOUT: Duration = Duration::from_secs(60);
 
+/// Longest line of its log that is passed on in one piece.
+const LOG_LINE_MAX: usize = 1 << 16;
+
 /// Exit code with which a command asks to be run again later: `EX_TEMPFAIL` of the system's `sysexits.h`.
 const LATER: i32 = 75;
 
@@ -87,28 +90,53 @@ fn run(command: &str, note: &Unreported, verdict: &CasingVerdict, until: &Until)
             tracing::debug!(%error, "on_verdict does not read its input");
         }
     }
-    let log = child.stderr.take();
-    if let Some(log) = &log {
-        fcntl_setfl(log, fcntl_getfl(log)? | OFlags::NONBLOCK)?;
-    }
+    let log = child.stderr.take().map(CommandLog::new).transpose()?;
     wait_for(child, log, until)
 }
 
-/// Passes on what a command writes to its `log`, so that it does not wait until somebody reads the line's.
-fn pass_on(log: &mut Option<ChildStderr>) -> Result<()> {
-    let mut bytes = [0; 4096];
-    while let Some(count) = log.as_mut().and_then(|log| log.read(&mut bytes).ok()).filter(|&count| count > 0) {
-        Stderr.write_all(&bytes[..count])?;
-    }
-    Ok(())
+/// What a command writes to its log. It is passed on, so that the command does not wait until somebody reads the line's.
+struct CommandLog {
+    from: ChildStderr,
+    /// The beginning of a line.
+    rest: Vec<u8>,
 }
 
-fn wait_for(mut child: Child, mut log: Option<ChildStderr>, until: &Until) -> Result<Reported> {
+impl CommandLog {
+    /// Of a command that writes into `from`.
+    fn new(from: ChildStderr) -> Result<Self> {
+        fcntl_setfl(&from, fcntl_getfl(&from)? | OFlags::NONBLOCK)?;
+        Ok(Self { from, rest: Vec::new() })
+    }
+
+    /// Passes on the lines that are there; a long one in pieces.
+    fn pass_on(&mut self) {
+        let mut bytes = [0; 4096];
+        while let Some(count) = self.from.read(&mut bytes).ok().filter(|&count| count > 0) {
+            self.rest.extend_from_slice(&bytes[..count]);
+            let end = self.rest.iter().rposition(|&byte| byte == b'\n').map_or(0, |at| at + 1);
+            let end = if end == 0 && self.rest.len() >= LOG_LINE_MAX { self.rest.len() } else { end };
+            // The log may be closed or full: nothing can be done about it.
+            drop(Stderr.write_all(&self.rest[..end]));
+            self.rest.drain(..end);
+        }
+    }
+}
+
+impl Drop for CommandLog {
+    fn drop(&mut self) {
+        self.pass_on();
+        if !self.rest.is_empty() {
+            self.rest.push(b'\n');
+            drop(Stderr.write_all(&self.rest));
+        }
+    }
+}
+
+fn wait_for(mut child: Child, mut log: Option<CommandLog>, until: &Until) -> Result<Reported> {
     let since = Instant::now();
     loop {
-        let ended = child.try_wait()?;
-        pass_on(&mut log)?;
-        match ended {
+        log.iter_mut().for_each(CommandLog::pass_on);
+        match child.try_wait()? {
             Some(status) if status.success() => return Ok(Reported::Done),
             Some(status) if status.code() == Some(LATER) => {
                 return Ok(Reported::Later("on_verdict asks to be run again later".to_owned()));
