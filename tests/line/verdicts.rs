@@ -106,22 +106,26 @@ fn a_line_whose_reader_has_gone_goes_on() {
     line.interrupt();
 }
 
-/// Catches a line that waits until somebody reads what it prints or logs, and verdicts that are lost then.
+/// Catches a line, or its command, that waits until somebody reads what it prints or logs, and verdicts that are lost then.
 #[test]
 fn a_line_goes_on_while_nobody_reads() {
     let sandbox = Sandbox::new();
-    slow_plant(&sandbox, 2, 200.0, "");
+    let ran = sandbox.path("ran.txt");
+    let command = format!("head -c 200000 /dev/zero >&2; echo $TAPLINE_ID >> {}", ran.display());
+    slow_plant(&sandbox, 2, 200.0, &format!("[line]\non_verdict = '''{command}'''\n"));
     let [(unread, out), (unread_log, log)] = [full_pipe(), full_pipe()];
     let arguments = "line --config plant.toml --out out --json -vv";
     let mut child = sandbox.command(arguments).stdout(out).stderr(log).spawn().unwrap();
     until("the line runs", || sandbox.run("status --out out --json").code == Some(0));
     kill(stage(&child, "fuse"), "fuse");
     until("all casings have their files", || all_finished(&sandbox.path("out")).len() == 4);
+    until("the command is run", || fs::read_to_string(&ran).is_ok_and(|text| text.lines().count() == 4));
     let waiting = json!({ "name": "print", "waiting": 4, "trouble": null });
-    until("they wait to be printed", || sandbox.run("status --out out --json").json(0)["receivers"][0] == waiting);
+    until("they wait to be printed", || sandbox.run("status --out out --json").json(0)["receivers"][1] == waiting);
     signal(i32::try_from(child.id()).unwrap(), Signal::INT);
     assert_eq!(child.wait().unwrap().code(), Some(3));
     drop((unread, unread_log));
+    slow_plant(&sandbox, 2, 200.0, "");
     let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json");
     let ids: BTreeSet<String> = line.verdicts(4).iter().map(|verdict| verdict["id"].to_string()).collect();
     assert_eq!(ids.len(), 4, "{ids:?}");
