@@ -36,12 +36,18 @@ use crate::verbs::{
     diff, explain, export, import, model_contact, model_table, reference, repack, reprocess, rig, verify,
 };
 
+/// Nothing was done: the arguments are wrong, or a variable of the environment.
+const WRONG_USAGE: u8 = 2;
+
 /// Ended, but incomplete: taps are missing, refused or damaged, an archive was left out, or contradicts itself.
 const INCOMPLETE: u8 = 3;
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    log::start(cli.log, draws(&cli.verb).then_some(LevelFilter::OFF));
+    if let Err(fault) = log::start(cli.log, draws(&cli.verb).then_some(LevelFilter::OFF)) {
+        print_failure("tapline", anyhow::Error::msg(fault).as_ref());
+        return ExitCode::from(WRONG_USAGE);
+    }
     if makes_files(&cli.verb) {
         tapline_host::stdout::drop_unread();
     }

@@ -10,6 +10,7 @@ use tracing_subscriber::util::SubscriberInitExt as _;
 
 use crate::arguments::{LogArgs, LogFormat};
 use crate::colour;
+use crate::similar::did_you_mean;
 use crate::stderr::Stderr;
 
 /// How this process was asked to log; the stages of a line are started with the same arguments.
@@ -20,10 +21,16 @@ pub const SAID: &str = "said";
 
 /// Starts the log of this process, with events of the level that `args` ask for, or `level`, and above, unless `TAPLINE_LOG`
 /// says otherwise.
-pub fn start(args: LogArgs, level: Option<LevelFilter>) {
+///
+/// # Errors
+/// What is wrong with the value of `TAPLINE_LOG`; the log is started without it.
+pub fn start(args: LogArgs, level: Option<LevelFilter>) -> Result<(), String> {
     let args = *ASKED.get_or_init(|| args);
     let level = level.unwrap_or_else(|| args.level());
-    let filter = std::env::var("TAPLINE_LOG").ok().and_then(|text| text.parse::<Targets>().ok());
+    let asked = std::env::var("TAPLINE_LOG").ok().filter(|text| !text.is_empty());
+    let asked = asked.as_deref().map(targets).transpose();
+    let fault = asked.as_ref().err().cloned();
+    let filter = asked.ok().flatten();
     let log = tracing_subscriber::fmt::layer()
         .with_writer(|| Stderr)
         .with_target(false)
@@ -43,6 +50,20 @@ pub fn start(args: LogArgs, level: Option<LevelFilter>) {
     };
     let filter = filter.unwrap_or_else(usual).with_target(SAID, LevelFilter::INFO);
     tracing_subscriber::registry().with(filter).with(log).init();
+    fault.map_or(Ok(()), Err)
+}
+
+/// What is logged by `text`: a level, or levels of parts of the program (`info,tapline_store=debug`).
+fn targets(text: &str) -> Result<Targets, String> {
+    let levels = ["off", "error", "warn", "info", "debug", "trace"];
+    for word in text.split(',') {
+        let level = word.rsplit('=').next().unwrap_or_default().trim();
+        if !levels.iter().any(|known| known.eq_ignore_ascii_case(level)) {
+            let meant = did_you_mean(level, levels).map(|meant| format!("; {meant}")).unwrap_or_default();
+            return Err(format!("TAPLINE_LOG={text}: {level:?} is not one of {}{meant}", levels.join(", ")));
+        }
+    }
+    text.parse().map_err(|error| format!("TAPLINE_LOG={text}: {error}"))
 }
 
 /// The format of the log of this process.

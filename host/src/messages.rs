@@ -19,10 +19,10 @@ pub fn counted(count: usize, one: &str, more: &str) -> String {
     format!("{count} {}", if count == 1 { one } else { more })
 }
 
-/// Prints `text` for people, unless only errors are wanted; a log for programs gets it as an event.
+/// Prints `text` for people, or as an event into a log for programs, unless only errors are wanted.
 pub fn say(text: &str) {
     match log::format() {
-        LogFormat::Text if log::is_quiet() => {}
+        _ if log::is_quiet() => {}
         LogFormat::Text => print_line(text),
         LogFormat::Json => tracing::info!(target: SAID, "{text}"),
     }

@@ -68,7 +68,7 @@ fn write_all(messages: &Receiver<Vec<u8>>) {
         // What was dropped came after what is queued.
         let dropped = if messages.is_empty() { DROPPED.swap(0, Ordering::AcqRel) } else { 0 };
         if dropped > 0 {
-            tracing::error!("nobody read the log: {dropped} messages were dropped");
+            tracing::error!("nobody read the log; messages that were dropped: {dropped}");
         }
         UNWRITTEN.fetch_sub(1, Ordering::AcqRel);
     }

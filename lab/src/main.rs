@@ -92,6 +92,9 @@ enum Verb {
     },
 }
 
+/// Nothing was done: the arguments are wrong, or a variable of the environment.
+const WRONG_USAGE: u8 = 2;
+
 /// Done, but some archives were left out.
 const INCOMPLETE: u8 = 3;
 
@@ -105,7 +108,10 @@ fn main() -> ExitCode {
         }
     }
     let cli = Cli::parse();
-    log::start(cli.log, None);
+    if let Err(fault) = log::start(cli.log, None) {
+        print_failure("tapline-lab", anyhow::Error::msg(fault).as_ref());
+        return ExitCode::from(WRONG_USAGE);
+    }
     tapline_host::stdout::drop_unread();
     match end_on_signals().context("cannot listen for signals").and_then(|()| dispatch(&cli.verb)) {
         Ok(true) => ExitCode::SUCCESS,

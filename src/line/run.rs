@@ -143,7 +143,7 @@ fn say_how_it_ended(pace: &Pace) {
     for (receiver, count) in &pace.waiting {
         if receiver == Receiver::Print.name() {
             let count = counted(*count as usize, "verdict was", "verdicts were");
-            tracing::error!("{count} not printed, because nobody read them: the same command prints them");
+            tracing::error!("{count} not printed: the same command prints what nobody read");
             continue;
         }
         let count = counted(*count as usize, "verdict waits", "verdicts wait");

@@ -124,15 +124,14 @@ impl CasingVerdict {
 
     /// Prints it: a short or full line for each shoulder, or one line of JSON for all.
     pub(crate) fn print(&self, form: Form) -> Result<()> {
-        let mut out = Stdout;
-        for shoulder in self.shoulders.iter().filter(|_| form != Form::Json) {
-            writeln!(out, "{}", if form == Form::Short { shoulder.short() } else { self.line(shoulder) })?;
-        }
-        if form == Form::Json {
-            // In one piece, so that a reader that goes away gets no half of a line.
-            out.write_all((self.json() + "\n").as_bytes())?;
-        }
-        Ok(out.flush()?)
+        let lines: Vec<String> = match form {
+            Form::Json => vec![self.json()],
+            Form::Short => self.shoulders.iter().map(ShoulderVerdict::short).collect(),
+            Form::Full => self.shoulders.iter().map(|shoulder| self.line(shoulder)).collect(),
+        };
+        // In one piece: the log may go to the same place.
+        Stdout.write_all((lines.join("\n") + "\n").as_bytes())?;
+        Ok(Stdout.flush()?)
     }
 
     fn line(&self, shoulder: &ShoulderVerdict) -> String {

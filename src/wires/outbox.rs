@@ -2,7 +2,7 @@
 //!
 //! `store` leaves a note of each casing before it gives the finished file its name; the note stays until every receiver has
 //! acknowledged the verdict. Work to do = notes - acknowledgements, even after `kill -9`. An acknowledgement is a word
-//! at the end of the note's name (`5c0f….print.mqtt`): it takes no space, and is never half there. The last removes
+//! at the end of the note's name (`5c0f….stdout.mqtt`): it takes no space, and is never half there. The last removes
 //! the note. The verdict itself is in the casing's file.
 
 use std::collections::BTreeMap;
@@ -51,7 +51,7 @@ pub(crate) enum Receiver {
 impl Receiver {
     pub(crate) fn name(self) -> &'static str {
         match self {
-            Self::Print => "print",
+            Self::Print => "stdout",
             Self::Command => "on_verdict",
             Self::Mqtt => "mqtt",
             Self::OpcUa => "opcua",

@@ -22,6 +22,24 @@ fn wrong_usage_has_its_own_exit_code() {
     }
 }
 
+/// Catches a level of the log that is misspelt, and then nothing is logged.
+#[test]
+fn a_level_that_is_none_is_refused() {
+    let sandbox = Sandbox::new();
+    let with = |level: &str| {
+        let done = sandbox.plain("model table 1").env("TAPLINE_LOG", level).output().unwrap();
+        (done.status.code(), String::from_utf8(done.stderr).unwrap())
+    };
+    let (code, text) = with("warning");
+    let expected =
+        "TAPLINE_LOG=warning: \"warning\" is not one of off, error, warn, info, debug, trace; did you mean \"warn\"?";
+    assert!(code == Some(2) && text.contains(expected), "{text}");
+    assert_eq!(with("tapline=inf").0, Some(2));
+    for level in ["", "warn", "INFO", "error,tapline=debug"] {
+        assert_eq!(with(level).0, Some(0), "{level}");
+    }
+}
+
 /// Catches a missing or other file that is taken for an archive; an error without its name, or with its cause twice
 /// or not at all; and a folder that is made for nothing.
 #[test]

@@ -120,7 +120,7 @@ fn a_line_goes_on_while_nobody_reads() {
     kill(stage(&child, "fuse"), "fuse");
     until("all casings have their files", || all_finished(&sandbox.path("out")).len() == 4);
     until("the command is run", || fs::read_to_string(&ran).is_ok_and(|text| text.lines().count() == 4));
-    let waiting = json!({ "name": "print", "waiting": 4, "trouble": null });
+    let waiting = json!({ "name": "stdout", "waiting": 4, "trouble": null });
     until("they wait to be printed", || sandbox.run("status --out out --json").json(0)["receivers"][1] == waiting);
     signal(i32::try_from(child.id()).unwrap(), Signal::INT);
     assert_eq!(child.wait().unwrap().code(), Some(3));

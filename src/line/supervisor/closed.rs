@@ -116,7 +116,7 @@ impl Supervisor<'_> {
             Ok((verdict, reader)) => {
                 if verdict.refused + verdict.missing > 0 {
                     let CasingVerdict { casing, refused, missing, .. } = &verdict;
-                    self.leave_out(format!("casing {casing}: {refused} taps refused, {missing} missing"));
+                    self.leave_out(format!("casing {casing}: taps refused {refused}, missing {missing}"));
                 }
                 if was_open {
                     let of = |casing: &super::Open| casing.header.station == u32::from(verdict.station);

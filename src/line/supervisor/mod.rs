@@ -251,6 +251,7 @@ impl<'a> Supervisor<'a> {
                             }
                             // What was done before is not on the rig any more.
                             drop(std::fs::remove_file(tapline_acquire::last_on_rig(&self.shown.out, station)));
+                            tracing::info!(casing = name, station, "is begun");
                             self.open.push(Open { number, name, header, layout, again, ledger: None });
                         }
                     }

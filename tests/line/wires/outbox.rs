@@ -69,7 +69,7 @@ fn each_step_between_two_can_be_the_last_of_a_line() {
 
     // Killed after the file had its name and before anything was told; and after it was printed. Something foreign stays.
     put(first, "");
-    put(second, ".print");
+    put(second, ".stdout");
     fs::write(folder.join("0123.new"), "{").unwrap();
     fs::write(folder.join("foreign"), "not a note").unwrap();
     let mut line = idle_line(&sandbox);
@@ -83,7 +83,7 @@ fn each_step_between_two_can_be_the_last_of_a_line() {
     assert!(told(&sandbox).iter().all(|(id, verdict)| *id == verdict["id"]));
 
     // Killed after everyone had acknowledged it, and before the last word of that was on the disk.
-    put(first, ".print.on_verdict");
+    put(first, ".stdout.on_verdict");
     let line = idle_line(&sandbox);
     until("it is not reported again", || unreported(&sandbox) == ["foreign"]);
     assert!(line.interrupt().expect(0).out.is_empty());
