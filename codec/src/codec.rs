@@ -204,13 +204,7 @@ mod tests {
             0 => byte,
             1 => byte & 1,
             // A sound of 16 bits that falls silent: the high byte is the sign.
-            2 if k % 2 == 1 => {
-                if samples_sign(k) {
-                    255
-                } else {
-                    0
-                }
-            }
+            2 if k % 2 == 1 => 255 * u8::from(samples_sign(k)),
             _ if k > count / 3 => 0,
             _ => byte,
         };

@@ -133,17 +133,7 @@ mod tests {
         let (mut bytes, mut unpacked) = (packed.iter().copied(), Vec::new());
         loop {
             let token = bytes.next().unwrap();
-            let mut long = |half: u8| {
-                let mut length = usize::from(half);
-                let mut more = half == 15;
-                while more {
-                    let byte = bytes.next().unwrap();
-                    length += usize::from(byte);
-                    more = byte == 255;
-                }
-                length
-            };
-            let literals = long(token >> 4);
+            let literals = long(token >> 4, &mut bytes);
             unpacked.extend(bytes.by_ref().take(literals));
             let Some(low) = bytes.next() else {
                 assert!(token & 15 == 0 && (literals >= 5 || unpacked.len() == literals), "ends within a match");
@@ -152,18 +142,23 @@ mod tests {
             let distance = usize::from(u16::from_le_bytes([low, bytes.next().unwrap()]));
             assert!((1..=unpacked.len()).contains(&distance), "{distance} before {}", unpacked.len());
             assert!(unpacked.len() + 12 <= length, "a match begins at {} of {length}", unpacked.len());
-            let mut more = usize::from(token & 15);
-            let mut is_more = more == 15;
-            while is_more {
-                let byte = bytes.next().unwrap();
-                more += usize::from(byte);
-                is_more = byte == 255;
-            }
-            for _ in 0..more + 4 {
+            for _ in 0..long(token & 15, &mut bytes) + 4 {
                 unpacked.push(unpacked[unpacked.len() - distance]);
             }
             assert!(unpacked.len() + 5 <= length, "a match ends at {} of {length}", unpacked.len());
         }
+    }
+
+    /// The length that begins with `half` a byte and goes on in `bytes`.
+    fn long(half: u8, bytes: &mut impl Iterator<Item = u8>) -> usize {
+        let mut length = usize::from(half);
+        let mut more = half == 15;
+        while more {
+            let byte = bytes.next().unwrap();
+            length += usize::from(byte);
+            more = byte == 255;
+        }
+        length
     }
 
     fn check(planes: &[u8], plane_bytes: usize) {

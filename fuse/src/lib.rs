@@ -30,8 +30,7 @@
 //! };
 //! let tyre = Serial::new("T1")?;
 //! let planned = |location| {
-//!     let mut id = TapId::default();
-//!     (id.tyre, id.shoulder, id.location) = (tyre, 1, location);
+//!     let id = TapId::new(1, tyre, 1, location);
 //!     PlannedTap { id, angle_deg: Some(3.6 * f64::from(location)), purpose: Purpose::Scan }
 //! };
 //! let plan = Plan::new(Geometry::Ring, recording, (0..100).map(planned).collect(), Truth::new())?;

@@ -12,7 +12,7 @@ use tapline_wire::{
     Values,
 };
 
-use crate::{Built, FuseConfig, Fusion, KnownShoulder, Reference, ReferenceSet, Score, ScorePool};
+use crate::{Built, FuseConfig, Fusion, KnownShoulder, Reference, ReferenceSet, Score, ScorePool, build_reference};
 
 /// A casing, its scan and its scatter; standard deviations are in percent of a level.
 #[derive(Debug, Clone)]
@@ -78,8 +78,13 @@ pub(crate) fn whole_by(
 }
 
 /// What a reference is made of beside its shoulders.
-pub(crate) fn built(config: FuseConfig) -> Built {
-    Built { config, lineage: Vec::new(), process: "f_c_hz = 550.0\n".to_owned(), learns_directions: false }
+pub(crate) fn built() -> Built {
+    Built { config: file(), process: "f_c_hz = 550.0\n".to_owned(), ..Built::default() }
+}
+
+/// The reference that `shoulders` make.
+pub(crate) fn set_of(shoulders: Vec<KnownShoulder>) -> ReferenceSet {
+    build_reference(&built(), shoulders).unwrap()
 }
 
 /// A configuration whose reference is a file.
@@ -96,15 +101,18 @@ pub(crate) fn shoulders_of(casing: &Casing, seed: u64, with_labels: bool, serial
     known.map(|shoulder| KnownShoulder { tyre: serial.to_owned(), ..shoulder }).collect()
 }
 
+/// The shoulders of `count` sound casings like `casing` for a reference: A0, A1, ...
+pub(crate) fn shoulders_of_all(casing: &Casing, count: u64) -> Vec<KnownShoulder> {
+    (0..count).flat_map(|k| shoulders_of(casing, 100 + k, false, &format!("A{k}"))).collect()
+}
+
 pub(crate) fn tyre() -> Serial {
     Serial::new("T1").unwrap()
 }
 
 /// A tap of unknown offset and velocity.
 pub(crate) fn tap_id(shoulder: u16, location: u32) -> TapId {
-    let mut id = TapId::default();
-    (id.tyre, id.shoulder, id.location) = (tyre(), shoulder, location);
-    id
+    TapId::new(0, tyre(), shoulder, location)
 }
 
 impl Casing {

@@ -33,7 +33,7 @@
 //! # Ok::<(), tapline_model::Error>(())
 //! ```
 //!
-//! [`ContactModel`] is a ladder of four rungs: closed form, integral table, plate and full, each with the [`Flags`] of
+//! [`Rung`] is a ladder of four models: closed form, integral table, plate and full, each with the [`Flags`] of
 //! its domain. [`choose`] picks the cheapest rung that is known to be accurate enough, and [`choose_by_trial`] the
 //! cheapest one that turns out to be so.
 
@@ -48,7 +48,7 @@ pub use contact::defect::{DefectContact, defect_contact};
 pub use contact::domain::{DomainCheck, Flags};
 pub use contact::impact::{Impact, Outcome, Plate};
 pub use contact::integral::{IntegralContact, integral_contact};
-pub use contact::ladder::{ClosedForm, Contact, ContactModel, FullMotion, IntegralTable, PlateMotion};
+pub use contact::ladder::Contact;
 pub use contact::rung::Rung;
 pub use contact::scene::{EffectiveLength, Scene};
 pub use contact::tables::{FACTORS, Field, Table, table};

@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_wire::{
-    Channel, ChannelHeader, Discriminators, Geometry, Plan, PlannedTap, Purpose, Quality, Recording, SampleFormat,
-    Samples, Scan, Serial, SourceKind, TapHeader, TapId, Truth,
+    Channel, Discriminators, Geometry, Plan, PlannedTap, Purpose, Quality, Recording, SampleFormat, Samples, Scan,
+    Serial, SourceKind, TapHeader, TapId, Truth,
 };
 
 use crate::casing::Casing;
@@ -224,26 +224,18 @@ impl Station {
         retakes: u16,
         mut read: impl FnMut(&TapHeader, &[f32]) -> Option<T>,
     ) -> Option<T> {
-        let recording = &plan.recording;
+        let of = &plan.recording;
         let mut header = TapHeader {
             id: plan.taps()[row as usize].id,
             plan_index: row,
-            sample_rate_hz: recording.sample_rate_hz,
             velocity_nominal_m_per_s: plan.velocity_nominal_m_per_s(row).unwrap_or(f64::NAN),
             microphone_distance_m: self.rig.microphone_distance_m(),
-            pre_trigger_samples: recording.pre_trigger_samples,
-            sample_count: recording.sample_count_max,
-            planned_sample_count: recording.sample_count_max,
-            sample_format: SampleFormat::F32.code(),
-            channel_count: 2,
+            planned_sample_count: of.sample_count_max,
             source: SourceKind::Simulated.code(),
-            ..TapHeader::default()
+            ..TapHeader::in_units(of.sample_rate_hz, of.pre_trigger_samples, of.sample_count_max, &of.channels)
         };
-        for (channel, of) in header.channels.iter_mut().zip(&recording.channels) {
-            *channel = ChannelHeader { code: of.code(), unit_per_count: 1.0, ..ChannelHeader::default() };
-        }
         (0..=retakes).find_map(|attempt| {
-            let (force, sound) = self.samples.split_at_mut(recording.sample_count_max as usize);
+            let (force, sound) = self.samples.split_at_mut(of.sample_count_max as usize);
             header.id.attempt = attempt;
             header.retakes_left = (retakes - attempt).into();
             header.velocity_measured_m_per_s = self.rig.record(casing, &tap_of(plan, scan, row, attempt), force, sound);

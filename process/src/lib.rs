@@ -27,7 +27,7 @@
 //!
 //! ```
 //! use tapline_process::{Extractor, ProcessConfig};
-//! use tapline_wire::{Channel, ChannelHeader, Discriminator, SampleFormat, Samples, TapHeader};
+//! use tapline_wire::{Channel, Discriminator, Samples, TapHeader};
 //!
 //! // A half-sine of 100 N and 1 ms at 40 kHz, and a sound that rings at 1 kHz after it.
 //! let force = (0..4000).map(|i| (100..140).contains(&i).then(|| (f64::from(i - 100) / 40.0)).unwrap_or(0.0))
@@ -36,17 +36,7 @@
 //!     .map(|t| if t < 0.0 { 0.0 } else { ((-200.0 * t).exp() * (6283.2 * t).sin()) as f32 });
 //! let samples: Vec<f32> = force.chain(sound).collect();
 //!
-//! let mut header = TapHeader {
-//!     sample_rate_hz: 40e3,
-//!     pre_trigger_samples: 100,
-//!     sample_count: 4000,
-//!     sample_format: SampleFormat::F32.code(),
-//!     channel_count: 2,
-//!     ..TapHeader::default()
-//! };
-//! header.channels[0] = ChannelHeader { code: Channel::Force.code(), unit_per_count: 1.0, ..Default::default() };
-//! header.channels[1] = ChannelHeader { code: Channel::Sound.code(), unit_per_count: 1.0, ..Default::default() };
-//!
+//! let header = TapHeader::in_units(40e3, 100, 4000, &[Channel::Force, Channel::Sound]);
 //! let mut extractor = Extractor::<f64>::new(&ProcessConfig::default())?;
 //! let found = extractor.extract(&header, Samples::F32(&samples));
 //! assert!(found.quality.is_empty());

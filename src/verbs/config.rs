@@ -18,8 +18,8 @@ pub(crate) fn example() -> Result<bool> {
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
-    use std::fs;
-    use std::path::Path;
+
+    use tapline_testing::documents::{docs, text};
 
     use super::*;
     use crate::config::Config;
@@ -94,8 +94,7 @@ mod tests {
     /// Catches a page that names a key which the example, and with it the program, does not have.
     #[test]
     fn the_pages_keys_are_those_of_the_example() {
-        let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/configuration.md");
-        let page = fs::read_to_string(page).unwrap();
+        let page = text(&docs("configuration.md"));
         let (shown, mut count) = (keys_of(&whole()), 0);
         for block in page.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next()) {
             for key in keys_of(block) {

@@ -1,11 +1,13 @@
 //! Blocks of packed samples: readable whole and in their beginning, each proved by itself.
 
+use std::ops::Range;
 use std::path::Path;
 
 use tapline_store::{Error, ReadBuffer, Reader, Writer, verify};
 use tapline_wire::{Discriminators, Geometry, Plan, Recording, SampleFormat, TapHeader, Truth};
 
 use crate::common::{CONFIG, header, new_path, plan};
+use crate::places::chunk_bytes;
 
 /// Samples a channel of taps that have several blocks, of 8 KiB each.
 const LONG_SAMPLE_COUNT: u32 = 6000;
@@ -93,9 +95,7 @@ fn a_beginning_is_proved_by_itself() {
     let good = path.with_file_name("good.h5");
     write_blocks(&good);
     let whole = std::fs::read(&good).unwrap();
-    let samples = hdf5::File::open(&good).unwrap().dataset("taps/samples").unwrap();
-    let chunk = samples.chunk_info(1).unwrap();
-    let (first, end) = (chunk.addr as usize, (chunk.addr + chunk.size) as usize);
+    let Range { start: first, end } = chunk_bytes(&hdf5::File::open(&good).unwrap()).remove(1);
     let begins: [usize; 3] = std::array::from_fn(|block| {
         let word = whole[first + 16 + 4 * block..].first_chunk().unwrap();
         first + u32::from_le_bytes(*word) as usize

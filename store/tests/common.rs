@@ -231,9 +231,9 @@ pub(crate) fn new_path() -> (Here, PathBuf) {
     (here, path)
 }
 
-/// An archive that was begun there, and its plan.
-pub(crate) fn begun(sample_format: SampleFormat) -> (Here, PathBuf, Plan, Writer) {
-    let ((here, path), plan) = (new_path(), plan(sample_format));
+/// An archive of `plan` that was begun there.
+pub(crate) fn begun(plan: Plan) -> (Here, PathBuf, Plan, Writer) {
+    let (here, path) = new_path();
     let writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
     (here, path, plan, writer)
 }

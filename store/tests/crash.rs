@@ -9,8 +9,9 @@ use tapline_store::{Codec, Lineage, Reader, Writer};
 use tapline_wire::{SampleFormat, TapState};
 
 use crate::common::{
-    CONFIG, big_plan, bytes, discriminators, header, new_path, open_or_create, plan, put_all, samples,
+    CONFIG, begun, big_plan, bytes, discriminators, header, new_path, open_or_create, plan, put_all, samples,
 };
+use crate::places::{chunk_bytes, table_bytes};
 
 /// Names the archive to the test that is started again as the process to be killed.
 const VICTIM: &str = "TAPLINE_STORE_TEST_VICTIM";
@@ -119,15 +120,9 @@ fn a_run_never_changes_the_structure() {
     assert_eq!(before.len(), after.len());
     let mut is_contents = vec![false; after.len()];
     let file = hdf5::File::open(&path).unwrap();
-    for name in ["taps/header", "discriminators", "ledger", "scans", "damage"] {
-        let table = file.dataset(name).unwrap();
-        let start = table.offset().unwrap() as usize;
-        is_contents[start..start + table.storage_size() as usize].fill(true);
-    }
-    let samples = file.dataset("taps/samples").unwrap();
-    for k in 0..samples.num_chunks().unwrap() {
-        let chunk = samples.chunk_info(k).unwrap();
-        is_contents[chunk.addr as usize..(chunk.addr + chunk.size) as usize].fill(true);
+    let tables = ["taps/header", "discriminators", "ledger", "scans", "damage"].map(|name| table_bytes(&file, name));
+    for range in tables.into_iter().chain(chunk_bytes(&file)) {
+        is_contents[range].fill(true);
     }
     let changed = (0..after.len()).filter(|&k| before[k] != after[k] && !is_contents[k]).count();
     assert_eq!(changed, 0, "bytes outside the tables changed");
@@ -137,9 +132,7 @@ fn a_run_never_changes_the_structure() {
 /// each in place, so that a writer killed in between leaves all others as they were.
 #[test]
 fn packed_chunks_change_entries_only() {
-    let (_here, path) = new_path();
-    let plan = big_plan();
-    let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
+    let (_here, path, _, mut writer) = begun(big_plan());
     let before = std::fs::read(&path).unwrap();
     put_all(&mut writer).unwrap();
     writer.flush().unwrap();

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use tapline_store::{Codec, Error, Lineage, PutOutcome, Reader, Writer, put_taps_of, repack, verify};
 use tapline_wire::{Plan, PlannedTap, Purpose, SampleFormat, ScanState, TapState};
 
-use crate::common::{CONFIG, bytes, discriminators, header, judgement, plan, put, put_all, samples};
+use crate::common::{CONFIG, bytes, discriminators, header, judgement, new_path, plan, put, put_all, samples};
 
 /// A tap at location `location` of scan `scan` of `plan`, which has none there.
 fn tap(plan: &Plan, scan: u32, location: u32, repetition: u16) -> PlannedTap {
@@ -17,10 +17,8 @@ fn tap(plan: &Plan, scan: u32, location: u32, repetition: u16) -> PlannedTap {
 /// a record of before the growth that is refused, and room for taps that is taken for taps.
 #[test]
 fn what_is_added_is_as_what_was_planned() {
-    let _guard = crate::common::beside_others();
     for codec in [Codec::Lz4, Codec::None] {
-        let folder = tempfile::tempdir().unwrap();
-        let (path, begun) = (folder.path().join("run.h5"), plan(SampleFormat::I16));
+        let ((_here, path), begun) = (new_path(), plan(SampleFormat::I16));
         let mut writer = Writer::create(&path, &begun, 16, Lineage { codec, ..CONFIG.into() }).unwrap();
         put(&mut writer, 0).unwrap();
         writer.end_scan(0).unwrap();
@@ -40,9 +38,9 @@ fn what_is_added_is_as_what_was_planned() {
         assert!(matches!(writer.grow(&too_many[..1]), Err(Error::CannotGrow { .. })), "it is judged");
         writer.finish().unwrap();
         assert!(verify(&path).unwrap().is_complete(), "{:?}", verify(&path).unwrap());
-        let again = folder.path().join("again.h5");
+        let again = path.with_file_name("again.h5");
         repack(&path, &again, Codec::Gzip).unwrap();
-        let results = folder.path().join("results.h5");
+        let results = path.with_file_name("results.h5");
         let reader = Reader::open(&path).unwrap();
         let raw = (path.as_path(), reader.raw_digest().unwrap());
         let lineage = Lineage { made_by: "other", ..CONFIG.into() };
@@ -76,9 +74,7 @@ proptest! {
     /// changed have reached the file, all of it is planned or nothing.
     #[test]
     fn a_growth_is_complete_or_not_there(pages in prop::collection::vec(any::<bool>(), 64), page_bytes in prop::sample::select(vec![64_usize, 512, 4096])) {
-        let _guard = crate::common::beside_others();
-        let folder = tempfile::tempdir().unwrap();
-        let (path, begun) = (folder.path().join("run.h5"), plan(SampleFormat::I16));
+        let ((_here, path), begun) = (new_path(), plan(SampleFormat::I16));
         let mut writer = Writer::create(&path, &begun, 16, CONFIG).unwrap();
         put(&mut writer, 3).unwrap();
         writer.flush().unwrap();

@@ -10,6 +10,7 @@ mod foreign;
 mod grow;
 mod outage;
 mod page;
+mod places;
 mod refuse;
 mod repack;
 mod roundtrip;

@@ -7,7 +7,7 @@ use tapline_store::{Codec, Lineage, Reader, Writer, verify};
 use tapline_testing::disk::Disk;
 use tapline_wire::Plan;
 
-use crate::common::{CONFIG, big_plan, bytes, header, new_path, put, put_all, samples};
+use crate::common::{CONFIG, begun, big_plan, bytes, header, put, put_all, samples};
 
 /// The archive at `path` is complete and every sample in it is the one that was put.
 fn assert_complete(path: &Path, plan: &Plan) {
@@ -100,9 +100,7 @@ fn a_file_that_is_not_where_it_was() {
 /// Catches an archive that is continued though it is not the one that was left: an older copy under the same number.
 #[test]
 fn an_older_copy_is_not_gone_on_with() {
-    let (_here, path) = new_path();
-    let plan = big_plan();
-    let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
+    let (_here, path, _, mut writer) = begun(big_plan());
     let older = fs::read(&path).unwrap();
     (0..5).for_each(|row| put(&mut writer, row).unwrap());
     writer.flush().unwrap();
@@ -116,9 +114,7 @@ fn an_older_copy_is_not_gone_on_with() {
 /// Catches the writer that takes its own file for cut when the samples at its end give way to smaller ones.
 #[test]
 fn a_tap_at_the_end_may_become_smaller() {
-    let (_here, path) = new_path();
-    let plan = big_plan();
-    let mut writer = Writer::create(path, &plan, plan.taps().len(), CONFIG).unwrap();
+    let (_here, _, plan, mut writer) = begun(big_plan());
     for (attempt, is_quiet) in [(0, false), (1, true), (2, false), (3, true)] {
         let mut header = header(&plan, 3, 4096);
         header.id.attempt = attempt;

@@ -1,11 +1,11 @@
 //! The page on the layout of an archive says what a new archive is.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use hdf5::types::{FixedUnicode, FloatSize, IntSize, TypeDescriptor};
 use hdf5::{Dataset, File, Location};
 use tapline_store::{Lineage, Reader, Writer};
+use tapline_testing::documents;
 use tapline_wire::{Quality, Reasons, SampleFormat};
 
 use crate::common::{CONFIG, new_path, plan};
@@ -14,7 +14,7 @@ use crate::common::{CONFIG, new_path, plan};
 type Found = BTreeMap<(String, String), (String, String)>;
 
 fn page() -> String {
-    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/archive-layout.md")).unwrap()
+    documents::text(&documents::docs("archive-layout.md"))
 }
 
 /// Types as the page writes them.

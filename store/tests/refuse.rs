@@ -6,7 +6,9 @@ use std::path::Path;
 use tapline_store::{Error, Lineage, Reader, Writer};
 use tapline_wire::{RecordKind, Recording, SampleFormat};
 
-use crate::common::{CONFIG, discriminators, finished, header, judgement, new_path, plan, plan_of, put, samples};
+use crate::common::{
+    CONFIG, begun, discriminators, finished, header, judgement, new_path, plan, plan_of, put, samples,
+};
 
 /// Catches an archive that is continued with other options, or refused for a remark, and one that is overwritten.
 #[test]
@@ -38,9 +40,7 @@ fn another_run_is_refused_with_both_values() {
 /// Catches two writers, or a reader beside a writer, within one process.
 #[test]
 fn a_second_writer_is_refused() {
-    let (_here, path) = new_path();
-    let given = plan(SampleFormat::I16);
-    let writer = Writer::create(&path, &given, given.taps().len(), CONFIG).unwrap();
+    let (_here, path, _, writer) = begun(plan(SampleFormat::I16));
     for error in [Writer::resume(&path, CONFIG).unwrap_err(), Reader::open(&path).unwrap_err()] {
         assert!(matches!(error, Error::InUse { .. }), "{error}");
         assert!(error.to_string().contains("run.h5"), "{error}");
@@ -115,9 +115,7 @@ fn places_that_cannot_be_written() {
 /// Catches a record that would land in a row that is not its own, or read beyond its samples.
 #[test]
 fn records_that_do_not_belong_here() {
-    let (_here, path) = new_path();
-    let given = plan(SampleFormat::I16);
-    let mut writer = Writer::create(path, &given, given.taps().len(), CONFIG).unwrap();
+    let (_here, _, given, mut writer) = begun(plan(SampleFormat::I16));
     let good = header(&given, 2, 32);
     let payload = samples(&good);
     let mut bad = [good; 7];

@@ -6,6 +6,7 @@ use tapline_store::{Codec, Error, Lineage, ReadBuffer, Reader, Writer, repack, v
 use tapline_wire::{Quality, SampleFormat};
 
 use crate::common::{CONFIG, bytes, discriminators, finished, header, judgement, new_path, plan, put_all, samples};
+use crate::places::chunk_bytes;
 
 /// Everything but the samples.
 fn tables(reader: &Reader) -> String {
@@ -84,9 +85,7 @@ fn every_codec_gives_the_same_archive() {
 fn damage_is_not_copied() {
     let (_here, path) = new_path();
     finished(&path, &plan(SampleFormat::I16), Lineage { codec: Codec::None, ..CONFIG.into() });
-    let file = hdf5::File::open(&path).unwrap();
-    let at = file.dataset("taps/samples").unwrap().chunk_info(3).unwrap().addr as usize;
-    drop(file);
+    let at = chunk_bytes(&hdf5::File::open(&path).unwrap())[3].start;
     let mut bytes = fs::read(&path).unwrap();
     bytes[at + 9] ^= 1;
     fs::write(&path, bytes).unwrap();

@@ -9,6 +9,7 @@ use crate::common::{
     CONFIG, begun, bytes, discriminators, finished, header, judgement, new_path, open_or_create, plan, put, put_all,
     samples,
 };
+use crate::places::{chunk_bytes, table_bytes};
 
 /// Whether `reader` has what [`put_all`] puts.
 pub(crate) fn everything_is_there(reader: &Reader, plan: &Plan) {
@@ -30,10 +31,8 @@ pub(crate) fn everything_is_there(reader: &Reader, plan: &Plan) {
 /// Catches any bit that changes on its way, of either sample format.
 #[test]
 fn everything_comes_back_bit_for_bit() {
-    let _guard = crate::common::beside_others();
     for format in [SampleFormat::I16, SampleFormat::F32] {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("run.h5");
+        let (_here, path) = new_path();
         let plan = plan(format);
         finished(&path, &plan, CONFIG);
         let reader = Reader::open(&path).unwrap();
@@ -49,7 +48,7 @@ fn everything_comes_back_bit_for_bit() {
 /// Catches short records whose channels run into each other, stale samples of a longer take, and an empty record.
 #[test]
 fn short_records_keep_their_channels_apart() {
-    let (_here, path, plan, mut writer) = begun(SampleFormat::I16);
+    let (_here, path, plan, mut writer) = begun(plan(SampleFormat::I16));
     for (row, sample_count) in [(0, 32), (1, 5), (2, 0)] {
         let mut tap = header(&plan, row, sample_count);
         let mut payload = samples(&tap);
@@ -91,18 +90,9 @@ fn the_file_does_not_depend_on_the_order_of_arrival() {
     let parts = |path: &Path| {
         let bytes = std::fs::read(path).unwrap();
         let file = hdf5::File::open(path).unwrap();
-        let mut parts: Vec<Vec<u8>> = Vec::new();
-        for name in ["plan", "taps/header", "discriminators", "ledger", "refusals", "scans", "damage", "truth"] {
-            let table = file.dataset(name).unwrap();
-            let start = table.offset().unwrap() as usize;
-            parts.push(bytes[start..start + table.storage_size() as usize].to_vec());
-        }
-        let samples = file.dataset("taps/samples").unwrap();
-        for k in 0..samples.num_chunks().unwrap() {
-            let chunk = samples.chunk_info(k).unwrap();
-            parts.push(bytes[chunk.addr as usize..(chunk.addr + chunk.size) as usize].to_vec());
-        }
-        parts
+        let tables = ["plan", "taps/header", "discriminators", "ledger", "refusals", "scans", "damage", "truth"];
+        let ranges = tables.map(|name| table_bytes(&file, name)).into_iter().chain(chunk_bytes(&file));
+        ranges.map(|range| bytes[range].to_vec()).collect::<Vec<_>>()
     };
     assert!(parts(&forward) == parts(&backward), "the contents differ");
 }
@@ -134,7 +124,7 @@ fn forward_and_backward(forward: &Path, backward: &Path, codec: Codec) -> [PathB
 /// Catches a duplicate that is taken for new, a different record that replaces a settled one, before and after resuming.
 #[test]
 fn what_is_settled_stays() {
-    let (_here, path, plan, mut writer) = begun(SampleFormat::I16);
+    let (_here, path, plan, mut writer) = begun(plan(SampleFormat::I16));
     put_all(&mut writer).unwrap();
     assert_eq!(writer.counts().already_there, 0);
     for life in 0..2 {
@@ -162,7 +152,7 @@ fn what_is_settled_stays() {
 /// Catches a tap counted before it is flushed, with one half, or with halves of two attempts.
 #[test]
 fn the_ledger_vouches_for_whole_flushed_taps_only() {
-    let (_here, path, plan, mut writer) = begun(SampleFormat::I16);
+    let (_here, path, plan, mut writer) = begun(plan(SampleFormat::I16));
     let tap = header(&plan, 0, 32);
     writer.put_tap(&tap, &samples(&tap)).unwrap();
     writer.flush().unwrap();
@@ -191,14 +181,12 @@ fn the_ledger_vouches_for_whole_flushed_taps_only() {
 /// undoes a newer one, and a settled tap that is opened again.
 #[test]
 fn a_tap_that_is_taken_again_is_archived_as_its_last_attempt() {
-    let (_here, path) = new_path();
-    let plan = plan(SampleFormat::I16);
+    let (_here, path, plan, mut writer) = begun(plan(SampleFormat::I16));
     let at = |attempt| {
         let (mut tap, mut found) = (header(&plan, 0, 32), discriminators(&plan, 0));
         (tap.id.attempt, found.id.attempt) = (attempt, attempt);
         (tap, found)
     };
-    let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
     let (tap, found) = at(0);
     writer.put_tap(&tap, &samples(&tap)).unwrap();
     assert_eq!(writer.put_retake(0, &found.id, Quality::CLIPPED).unwrap(), PutOutcome::Stored);
@@ -224,7 +212,7 @@ fn a_tap_that_is_taken_again_is_archived_as_its_last_attempt() {
 /// Catches a reason that is lost, misattributed, or cut without a mark.
 #[test]
 fn refusals_say_why() {
-    let (_here, path, plan, mut writer) = begun(SampleFormat::F32);
+    let (_here, path, plan, mut writer) = begun(plan(SampleFormat::F32));
     let mut id = plan.taps()[4].id;
     id.attempt = 2;
     let long = "\u{e9}".repeat(300);
@@ -245,7 +233,7 @@ fn refusals_say_why() {
 /// does not come to its end.
 #[test]
 fn a_replay_has_all_that_is_known() {
-    let (_here, path, plan, mut writer) = begun(SampleFormat::I16);
+    let (_here, path, plan, mut writer) = begun(plan(SampleFormat::I16));
     put(&mut writer, 1).unwrap();
     writer.put_refusal(2, &plan.taps()[2].id, "double bounce").unwrap();
     writer.suspend().unwrap();

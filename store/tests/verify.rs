@@ -6,6 +6,7 @@ use tapline_store::{Codec, Error, Lineage, Problem, Reader, Writer, verify};
 use tapline_wire::{SampleFormat, ScanState, TapState};
 
 use crate::common::{CONFIG, finished, new_path, plan, put, put_all};
+use crate::places::{chunk_bytes, table_bytes};
 
 /// An archive in which all is, and which is not finished.
 fn unfinished(path: &Path, codec: Codec) {
@@ -37,18 +38,14 @@ fn places(path: &Path) -> Vec<(usize, &'static str, usize)> {
     let file = hdf5::File::open(path).unwrap();
     let mut places = Vec::new();
     for name in ["taps/header", "discriminators", "ledger", "refusals", "scans", "damage"] {
-        let table = file.dataset(name).unwrap();
-        let start = table.offset().unwrap() as usize;
-        let (bytes, rows) = (table.storage_size() as usize, table.shape()[0]);
+        let (range, rows) = (table_bytes(&file, name), file.dataset(name).unwrap().shape()[0]);
+        let (start, bytes) = (range.start, range.len());
         // Four locations per scan.
         let of = |at: usize| if name == "damage" { at * rows / bytes / 4 } else { at * rows / bytes };
-        places.extend((0..bytes).map(|at| (start + at, name, of(at))));
+        places.extend(range.map(|at| (at, name, of(at - start))));
     }
-    let samples = file.dataset("taps/samples").unwrap();
-    for k in 0..samples.num_chunks().unwrap() {
-        let chunk = samples.chunk_info(k).unwrap();
-        let start = chunk.addr as usize;
-        places.extend((start..start + chunk.size as usize).map(|at| (at, "taps/samples", k)));
+    for (k, chunk) in chunk_bytes(&file).into_iter().enumerate() {
+        places.extend(chunk.map(|at| (at, "taps/samples", k)));
     }
     places
 }
@@ -56,10 +53,8 @@ fn places(path: &Path) -> Vec<(usize, &'static str, usize)> {
 /// Catches a changed bit in samples, headers or results that is not found, or is looked for in the wrong place.
 #[test]
 fn every_flipped_bit_is_found_where_it_is() {
-    let _guard = crate::common::beside_others();
     for codec in [Codec::Lz4, Codec::None] {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("run.h5");
+        let (_here, path) = new_path();
         unfinished(&path, codec);
         let whole = std::fs::read(&path).unwrap();
         // Another bit of another byte each time; the seal's own test tries all bits of a row.

@@ -8,7 +8,7 @@ use tapline_store::{OwnedSamples, Reader};
 use tapline_wire::{CacheLine, Discriminator, SourceKind, TapHeader, TapState, cache_lines_for};
 
 use crate::sandbox::Sandbox;
-use crate::sandbox::archives::{Contents, assert_same, bend, contents, part_of, table_bytes};
+use crate::sandbox::archives::{Contents, assert_same, bend, contents, names, part_of, table_bytes};
 use crate::sandbox::recordings;
 use tapline_testing::documents::csv_rows;
 
@@ -256,13 +256,8 @@ fn what_cannot_be_exported_is_said() {
     assert!(sandbox.path("empty/scan.toml").exists());
     sandbox.run("export run.h5 taps --out not/there/set").expect(0);
     assert!(sandbox.path("not/there/set/scan.toml").exists());
-    assert!(left_over(&sandbox.path("")).is_empty(), "{:?}", left_over(&sandbox.path("")));
-}
-
-/// Drafts that an export left behind.
-fn left_over(folder: &Path) -> Vec<String> {
-    let names = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
-    names.filter(|name| name.ends_with(".new")).collect()
+    let left = names(&sandbox.path(""));
+    assert!(!left.iter().any(|name| name.ends_with(".new")), "drafts are left behind: {left:?}");
 }
 
 /// Catches Parquet from the command line that is not the table: to a file and to standard output.

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use crate::sandbox::Sandbox;
+use crate::sandbox::archives::names;
 use tapline_testing::documents::{csv_rows, text};
 
 const SCAN: &str = "\
@@ -22,13 +23,6 @@ fn scanned() -> Sandbox {
     sandbox.write("scan.toml", SCAN);
     sandbox.run("run --config scan.toml --stations 3 --out out").expect(0);
     sandbox
-}
-
-fn names(folder: &Path) -> Vec<String> {
-    let mut names: Vec<String> =
-        fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
-    names.sort();
-    names
 }
 
 /// Flips a bit in the middle of the file's tables.

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::PathBuf;
 use std::process::Command;
 
-use tapline_testing::documents::csv_rows;
+use tapline_testing::documents::{csv_rows, docs, text};
 use tapline_testing::program::Done;
 
 use crate::archives::export_taps::run;
@@ -77,8 +77,7 @@ fn a_casing_comes_back_from_every_format() {
     for format in ["wav", "uff", "uff-ascii", "mat"] {
         sandbox.run(&format!("export run.h5 taps --format {format} --out {format}")).expect(0);
     }
-    let out = Command::new(python).args(["-c", WRITE]).current_dir(sandbox.path("")).output().unwrap();
-    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    sandbox.python(&python, WRITE, &[]);
     let scan = fs::read_to_string(sandbox.path("wav/scan.toml")).unwrap();
     let value = |key: &str| scan.lines().find_map(|l| l.strip_prefix(&format!("{key} = "))).unwrap().to_owned();
     let config = CONFIG.replace("DISTANCE", &value("microphone_distance_m"));
@@ -142,7 +141,7 @@ fn the_example_works_as_printed() {
     assert!(sandbox.path("start/judged/A-17.h5").exists());
     assert!(last.starts_with("REJECT     A-17/1\n"), "the cracks that were planted: {last}");
     // The lines to copy of the page are those of the example.
-    let page = fs::read_to_string(tapline_testing::documents::docs("import.md")).unwrap();
+    let page = text(&docs("import.md"));
     let blocks: Vec<&str> = page.split("```toml\n").skip(1).filter_map(|block| block.split("```").next()).collect();
     sandbox.write("start/recordings/import.toml", blocks[0]);
     fs::remove_dir_all(sandbox.path("start/taps")).unwrap();

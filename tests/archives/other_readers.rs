@@ -1,7 +1,5 @@
 //! Exported taps as other programs read them: pyuff and SciPy.
 
-use std::process::Command;
-
 use tapline_store::Reader;
 
 use crate::archives::export_taps::run;
@@ -53,13 +51,7 @@ fn pyuff_reads_what_was_recorded() {
     for format in ["uff", "uff-ascii"] {
         let done = sandbox.run(&format!("export run.h5 taps --format {format} --out {format}")).expect(0);
         assert_eq!(done.out, format!("{format}: 124 taps written, 0 refused, 0 missing\n"));
-        let out = Command::new(&python)
-            .args(["-c", PYUFF, "run.h5", format, format])
-            .current_dir(sandbox.path(""))
-            .output()
-            .unwrap();
-        assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
-        let said = String::from_utf8(out.stdout).unwrap();
+        let said = sandbox.python(&python, PYUFF, &["run.h5", format, format]);
         let said: Vec<&str> = said.lines().collect();
         assert_eq!(said[0], "151 taps of tyre CRACKED shoulder 1 01-JAN-26 tapline");
         let said = &said[1..];
@@ -105,8 +97,6 @@ fn scipy_reads_what_was_recorded() {
     let sandbox = run();
     let done = sandbox.run("export run.h5 taps --format mat --out mat").expect(0);
     assert_eq!(done.out, "mat: 124 taps written, 0 refused, 0 missing\n");
-    let out = Command::new(&python).args(["-c", SCIPY]).current_dir(sandbox.path("")).output().unwrap();
-    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
-    let said = String::from_utf8(out.stdout).unwrap();
+    let said = sandbox.python(&python, SCIPY, &[]);
     assert_eq!(said.trim(), "['CRACKED-1.mat', 'CRACKED-2.mat'] 124 [(4096, 62), (4096, 62)]");
 }

@@ -1,10 +1,13 @@
 //! The pages for people with Python: their code runs as printed, in order, on an archive of the program.
 
+use std::ffi::OsStr;
 use std::fs;
 use std::process::Command;
 
 use crate::sandbox::Sandbox;
-use tapline_testing::documents::{docs, text};
+use crate::sandbox::archives::names;
+use tapline_testing::documents::{csv_rows, docs, text};
+use tapline_testing::program::Done;
 
 /// The scan of the picture on the page.
 const SCAN: &str = "
@@ -45,16 +48,16 @@ fn scanned() -> Sandbox {
 }
 
 /// What the page prints if `python` runs it in the folder of `sandbox`.
-fn run_page(sandbox: &Sandbox, python: &std::ffi::OsStr, page: &str) -> String {
-    let name = page.replace(".md", ".py");
-    sandbox.write(&name, &python_of(&text(&docs(page))));
+fn run_page(sandbox: &Sandbox, python: &OsStr, page: &str) -> String {
+    run_code(sandbox, python, &page.replace(".md", ".py"), &python_of(&text(&docs(page))))
+}
+
+/// What `code` prints as the file `name` in the folder of `sandbox`.
+fn run_code(sandbox: &Sandbox, python: &OsStr, name: &str, code: &str) -> String {
+    sandbox.write(name, code);
     let mut command = Command::new(python);
-    command
-        .arg(&name)
-        .current_dir(sandbox.path(""))
-        .env("PYTHONIOENCODING", "utf-8")
-        .env("MPLCONFIGDIR", sandbox.path("mpl"));
-    tapline_testing::program::Done::from(command.output().unwrap()).expect(0).out
+    command.arg(name).current_dir(sandbox.path("")).env("PYTHONIOENCODING", "utf-8");
+    Done::from(command.env("MPLCONFIGDIR", sandbox.path("mpl")).output().unwrap()).expect(0).out
 }
 
 /// Catches code on the page that does not run, or finds other taps, verdicts or regions than the program.
@@ -64,14 +67,14 @@ fn reading_archives_runs_as_it_stands() {
     let sandbox = scanned();
     let said = run_page(&sandbox, &python, "reading-archives.md");
     println!("{said}");
-    let rows = tapline_testing::documents::csv_rows(&sandbox.run("export run.h5 discriminators").expect(0).out);
+    let rows = csv_rows(&sandbox.run("export run.h5 discriminators").expect(0).out);
     assert!(said.contains(&format!("clipped: 0 of {}", rows.len())), "{said}");
-    for verdict in tapline_testing::documents::csv_rows(&sandbox.run("export run.h5 verdicts").expect(0).out) {
+    for verdict in csv_rows(&sandbox.run("export run.h5 verdicts").expect(0).out) {
         let line = said.lines().find(|line| line.starts_with("A-17 ") && line.contains(&verdict["verdict"]));
         let line = line.unwrap_or_else(|| panic!("no {verdict:?} in {said}"));
         assert!(line.contains(&verdict["reasons"]), "{line} {verdict:?}");
     }
-    let regions = tapline_testing::documents::csv_rows(&sandbox.run("export run.h5 regions").expect(0).out);
+    let regions = csv_rows(&sandbox.run("export run.h5 regions").expect(0).out);
     assert_eq!(regions.len(), 1);
     assert!(said.contains(&format!("[{}, ", regions[0]["first_location"])), "{said} {regions:?}");
     assert!(said.contains("of the taps of run.h5 (402, 2, 2048)"), "{said}");
@@ -90,28 +93,20 @@ fn checksums_are_computed_as_the_page_says() {
     let sandbox = scanned();
     assert_eq!(run_page(&sandbox, &python, "archive-layout.md"), "corrupt: []\n");
     // Results have other attributes, which the digest covers too.
-    let results = fs::read_dir(sandbox.path("")).unwrap().flatten().map(|file| file.file_name().into_string().unwrap());
-    let results = results.filter(|name| name.starts_with("run.") && name.ends_with(".h5") && name != "run.h5");
-    let results: Vec<String> = results.collect();
-    let page = python_of(&text(&docs("archive-layout.md"))).replace("run.h5", &results[0]);
-    sandbox.write("of-results.py", &page);
-    let mut command = Command::new(&python);
-    let done = tapline_testing::program::Done::from(
-        command.arg("of-results.py").current_dir(sandbox.path("")).output().unwrap(),
-    );
-    assert_eq!(done.expect(0).out, "corrupt: []\n", "{results:?}");
+    let is_results = |name: &String| name.starts_with("run.") && name.ends_with(".h5") && name != "run.h5";
+    let results = names(&sandbox.path("")).into_iter().find(is_results).unwrap();
+    let code = python_of(&text(&docs("archive-layout.md"))).replace("run.h5", &results);
+    assert_eq!(run_code(&sandbox, &python, "of-results.py", &code), "corrupt: []\n", "{results}");
     let bend = "import h5py\nwith h5py.File('run.h5', 'r+') as f:\n    row = f['discriminators'][7]\n    row['pr'] += 1e-9\n    \
                 f['discriminators'][7] = row\n    f.attrs['geometry'] = 'line'\n";
-    let bent = Command::new(&python).args(["-c", bend]).current_dir(sandbox.path("")).output().unwrap();
-    assert!(bent.status.success(), "{}", String::from_utf8_lossy(&bent.stderr));
+    sandbox.python(&python, bend, &[]);
     let said = run_page(&sandbox, &python, "archive-layout.md");
     assert_eq!(said, "corrupt: [('discriminators', 7), ('root', 0)]\n");
     // A byte of the last block of a tap, whose checksum is only in the head.
     let block = "import h5py\nwith h5py.File('run.h5', 'r') as f:\n    chunk = f['taps/samples'].id.get_chunk_info(5)\n\
                  with open('run.h5', 'r+b') as f:\n    f.seek(chunk.byte_offset + chunk.size - 9)\n    \
                  byte = f.read(1)[0]\n    f.seek(-1, 1)\n    f.write(bytes([byte ^ 4]))\n";
-    let bent = Command::new(&python).args(["-c", block]).current_dir(sandbox.path("")).output().unwrap();
-    assert!(bent.status.success(), "{}", String::from_utf8_lossy(&bent.stderr));
+    sandbox.python(&python, block, &[]);
     let said = run_page(&sandbox, &python, "archive-layout.md");
     assert_eq!(said, "corrupt: [('discriminators', 7), ('stored', 5), ('root', 0)]\n");
 }

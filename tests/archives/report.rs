@@ -6,7 +6,7 @@ use std::fs;
 use tapline_store::Reader;
 
 use crate::sandbox::Sandbox;
-use crate::sandbox::archives::part_of;
+use crate::sandbox::archives::{names, part_of};
 use crate::sandbox::recordings::write_wav;
 use tapline_testing::documents::csv_rows;
 
@@ -53,9 +53,8 @@ fn page(sandbox: &Sandbox, name: &str) -> String {
 
 /// The pages in `folder`, by name.
 fn pages(sandbox: &Sandbox, folder: &str) -> BTreeMap<String, String> {
-    let files =
-        fs::read_dir(sandbox.path(folder)).unwrap().map(|file| file.unwrap().file_name().into_string().unwrap());
-    files.map(|name| (name.clone(), page(sandbox, &format!("{folder}/{name}")))).collect()
+    let names = names(&sandbox.path(folder)).into_iter();
+    names.map(|name| (name.clone(), page(sandbox, &format!("{folder}/{name}")))).collect()
 }
 
 /// Checks that every element is closed in order, every attribute is quoted, and every `&` begins an entity.

@@ -12,7 +12,7 @@ use tapline_store::{Reader, verify};
 use tapline_wire::TapState;
 
 use crate::sandbox::Sandbox;
-use crate::sandbox::archives::{assert_same, contents};
+use crate::sandbox::archives::{assert_same, contents, names};
 
 /// A cracked tyre.
 const CONFIG: &str = "
@@ -29,8 +29,10 @@ crack = [{ shoulder = 1, first_location = 10, location_count = 8, depth_mm = 5.0
 reference = \"self\"
 ";
 
-fn scanned(sandbox: &Sandbox) -> PathBuf {
-    scan(sandbox, CONFIG)
+fn scanned() -> (Sandbox, PathBuf) {
+    let sandbox = Sandbox::new();
+    let archive = scan(&sandbox, CONFIG);
+    (sandbox, archive)
 }
 
 /// The file of a run's only casing, moved away; newer results are written beside it.
@@ -52,8 +54,7 @@ fn again(sandbox: &Sandbox, arguments: &str) -> PathBuf {
 /// changed.
 #[test]
 fn the_same_lineage_gives_the_same_bits() {
-    let sandbox = Sandbox::new();
-    let archive = scanned(&sandbox);
+    let (sandbox, archive) = scanned();
     let before = fs::read(&archive).unwrap();
     let one = again(&sandbox, "run.h5 --from-samples --jobs 1");
     let (live, redone) = (Reader::open(&archive).unwrap(), Reader::open(&one).unwrap());
@@ -99,8 +100,7 @@ fn beginnings_give_the_same_bits() {
 /// not printed.
 #[test]
 fn other_options_stand_beside() {
-    let sandbox = Sandbox::new();
-    let archive = scanned(&sandbox);
+    let (sandbox, archive) = scanned();
     sandbox.write("index.toml", "[fuse]\nindex = \"dissertation\"\nreference = \"self\"\n");
     // If no reference is named, the archive's own is used.
     sandbox.write("bands.toml", "[process]\nf_c_hz = 600.0\n");
@@ -136,8 +136,7 @@ fn other_options_stand_beside() {
 /// which taps differ.
 #[test]
 fn the_same_taps_are_compared_wherever_they_come_from() {
-    let sandbox = Sandbox::new();
-    scanned(&sandbox);
+    let (sandbox, _) = scanned();
     sandbox.run("export run.h5 taps --out taps").expect(0);
     sandbox.run("run --taps taps --reference self --out twin").expect(0);
     let printed = sandbox.run("diff run.h5 twin/CRACKED.h5").expect(0).out;
@@ -156,8 +155,7 @@ fn the_same_taps_are_compared_wherever_they_come_from() {
 /// Catches samples that are read for new weights or limits: the archive has no valid ones left.
 #[test]
 fn another_index_needs_no_samples() {
-    let sandbox = Sandbox::new();
-    let archive = scanned(&sandbox);
+    let (sandbox, archive) = scanned();
     sandbox.write("index.toml", "[fuse]\nindex = \"dissertation\"\nre_inspect_rate = 0.01\nreference = \"self\"\n");
     let judged = || {
         let results = again(&sandbox, "run.h5 --config index.toml");
@@ -214,8 +212,7 @@ fn what_was_killed_goes_on() {
 /// truncated.
 #[test]
 fn an_archive_that_is_cut_meanwhile_is_reported() {
-    let sandbox = Sandbox::new();
-    let archive = scanned(&sandbox);
+    let (sandbox, archive) = scanned();
     // Later and later, until the taps are being read.
     let mut pause = Duration::from_millis(12);
     let was_reported = (0..40).any(|round| {
@@ -241,8 +238,7 @@ fn an_archive_that_is_cut_meanwhile_is_reported() {
 /// nothing.
 #[test]
 fn what_cannot_be_done_is_an_error_with_names() {
-    let sandbox = Sandbox::new();
-    scanned(&sandbox);
+    let (sandbox, _) = scanned();
     sandbox.write("wrong.toml", "[process]\nf_c_hz = -1.0\n[fuse]\nreference = \"self\"\n");
     for (arguments, words) in [
         ("reprocess run.h5 --jobs 5000", "5000"),
@@ -258,16 +254,14 @@ fn what_cannot_be_done_is_an_error_with_names() {
     }
     let done = sandbox.run("explain run.h5 --location 3");
     assert!(done.code == Some(2) && done.err.contains("--shoulder"), "{done:?}");
-    let archives = fs::read_dir(sandbox.path("")).unwrap().flatten();
-    let names = archives.map(|file| file.file_name()).filter(|name| name.to_string_lossy().ends_with(".h5"));
-    assert_eq!(names.collect::<Vec<_>>(), ["run.h5"], "what is refused leaves no file");
+    let archives = names(&sandbox.path("")).into_iter().filter(|name| name.ends_with(".h5"));
+    assert_eq!(archives.collect::<Vec<_>>(), ["run.h5"], "what is refused leaves no file");
 }
 
 /// Catches results that pass for those of other taps.
 #[test]
 fn results_hold_to_their_taps() {
-    let sandbox = Sandbox::new();
-    let archive = scanned(&sandbox);
+    let (sandbox, archive) = scanned();
     let results = again(&sandbox, "run.h5");
     fs::remove_file(&archive).unwrap();
     scan(&sandbox, &CONFIG.replace("locations = 40", "locations = 40\nseed = 9"));
@@ -282,8 +276,7 @@ fn results_hold_to_their_taps() {
 /// Catches two processes that write one file, so that one ends with half an archive and reports success.
 #[test]
 fn two_that_pack_under_one_name_do_no_harm() {
-    let sandbox = Sandbox::new();
-    scanned(&sandbox);
+    let (sandbox, _) = scanned();
     let start = |codec: &str| sandbox.start(&format!("repack run.h5 --codec {codec} --out small.h5"));
     let both = [start("zstd"), start("gzip")].map(|child| child.wait_with_output().unwrap());
     let done = both.iter().filter(|out| out.status.success()).count();

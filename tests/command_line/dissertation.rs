@@ -3,12 +3,13 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use tapline_testing::documents::{docs, text};
+
 use crate::sandbox::Sandbox;
 
 /// Commands of the page: texts in backquotes that begin with the name of a program.
 fn commands(program: &str) -> Vec<String> {
-    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/dissertation.md");
-    let page = fs::read_to_string(page).unwrap();
+    let page = text(&docs("dissertation.md"));
     let quoted = page.lines().flat_map(|line| line.split('`').skip(1).step_by(2));
     let mut commands: Vec<String> = quoted.filter_map(|text| text.strip_prefix(program)).map(str::to_owned).collect();
     commands.sort();

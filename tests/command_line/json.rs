@@ -1,19 +1,18 @@
 //! `docs/commands.md`: what each verb prints with `--json`.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
-use std::path::Path;
 
 use serde_json::Value;
+use tapline_testing::documents::{docs, text};
 
+use crate::command_line::small;
 use crate::sandbox::Sandbox;
 use crate::sandbox::nats::NatsServer;
 use crate::sandbox::running::Running;
 
 /// The rows of the page's table: verb and thing, and the keys of its value.
 fn shapes() -> BTreeMap<String, BTreeSet<String>> {
-    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/commands.md");
-    let page = fs::read_to_string(page).unwrap();
+    let page = text(&docs("commands.md"));
     let rows = page.lines().skip_while(|line| *line != "## JSON").filter(|line| line.starts_with("| `"));
     rows.map(|row| {
         let cells: Vec<&str> = row.trim_matches('|').split('|').map(str::trim).collect();
@@ -28,7 +27,7 @@ fn shapes() -> BTreeMap<String, BTreeSet<String>> {
 #[test]
 fn the_page_has_the_shapes_of_every_verb() {
     let (sandbox, mut shapes) = (Sandbox::new(), shapes());
-    sandbox.write("c.toml", "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.0]\nrepetitions = 1\nlocations = 20\n[fuse]\nreference = \"self\"\n");
+    sandbox.write("c.toml", &small(1));
     let run = values(&sandbox.run("run --config c.toml --stations 2 --out x --json").expect(0).out);
     check(&mut shapes, "run: a casing", &run[0]);
     check(&mut shapes, "run: the end", run.last().unwrap());

@@ -7,23 +7,14 @@ use std::time::{Duration, Instant};
 
 use rustix::process::Signal;
 
-use crate::sandbox::Sandbox;
+use crate::command_line::scanned;
 use crate::sandbox::running::PATIENCE;
 use crate::sandbox::stages::signal;
-
-const SMALL: &str = "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.0]\nrepetitions = 1\nlocations = 20\n[fuse]\nreference = \"self\"\n";
-
-fn scanned(config: &str) -> Sandbox {
-    let sandbox = Sandbox::new();
-    sandbox.write("c.toml", config);
-    sandbox.run("run --config c.toml --stations 2 --out x").expect(0);
-    sandbox
-}
 
 /// Catches an output that is overwritten without having been asked for, and an error that does not name it.
 #[test]
 fn nothing_is_overwritten_unless_it_is_asked_for() {
-    let sandbox = scanned(SMALL);
+    let sandbox = scanned(1);
     for (command, out) in [
         ("export x verdicts --out v.csv", "v.csv"),
         ("reference x --shoulder SIM-0002/1 --shoulder SIM-0002/2 --out r.json", "r.json"),
@@ -62,7 +53,7 @@ fn content(path: &Path) -> Vec<(String, Vec<u8>)> {
 /// as late each time, until it ends by itself before the signal comes.
 #[test]
 fn nothing_half_written_stays_after_a_signal() {
-    let sandbox = scanned(&SMALL.replace("repetitions = 1", "repetitions = 8"));
+    let sandbox = scanned(8);
     for command in [
         "export x discriminators --out v.csv", "export x taps --out taps", "export x taps --format mat --out mats",
         "repack x --codec gzip --out y", "report x --out pages", "reference x --labelled --out r.json",

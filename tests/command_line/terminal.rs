@@ -6,15 +6,14 @@ use std::process::Stdio;
 
 use tapline_testing::program::Done;
 
+use crate::command_line::{scanned, small};
 use crate::sandbox::Sandbox;
-
-const SMALL: &str = "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.0]\nrepetitions = 3\nlocations = 20\n[fuse]\nreference = \"self\"\n";
 
 /// Catches a table that runs over the 80 columns of a terminal.
 #[test]
 fn tables_fit_80_columns() {
     let sandbox = Sandbox::new();
-    sandbox.write("c.toml", SMALL);
+    sandbox.write("c.toml", &small(3));
     let summary = sandbox.run("run --config c.toml --stations 2 --out x").expect(0).out;
     let explained = sandbox.run("explain x/SIM-0001.h5 --shoulder SIM-0001/1 --location 3").expect(0).out;
     let reference = "reference x --shoulder SIM-0002/1 --shoulder SIM-0002/2 --out r.json";
@@ -30,9 +29,7 @@ fn tables_fit_80_columns() {
 /// gives the program a terminal.
 #[test]
 fn colour_is_for_terminals() {
-    let sandbox = Sandbox::new();
-    sandbox.write("c.toml", SMALL);
-    sandbox.run("run --config c.toml --out x").expect(0);
+    let sandbox = scanned(3);
     let done = sandbox.run("verify x/SIM-0001.h5").expect(0);
     assert!(!done.out.contains('\x1b') && done.err.is_empty(), "{done:?}");
     let on_terminal = |environment: &str| {
@@ -51,7 +48,7 @@ fn colour_is_for_terminals() {
 #[test]
 fn people_choose_how_much_is_said() {
     let sandbox = Sandbox::new();
-    sandbox.write("c.toml", SMALL);
+    sandbox.write("c.toml", &small(3));
     let usual = sandbox.run("run --config c.toml --out x").expect(0).err;
     assert!(usual.contains("scanning"), "{usual}");
     let quiet = sandbox.run("run -q --config c.toml --out y").expect(0).err;
@@ -67,9 +64,7 @@ fn people_choose_how_much_is_said() {
 /// Catches a slip that is not recognised, wherever it is.
 #[test]
 fn slips_are_recognised() {
-    let sandbox = Sandbox::new();
-    sandbox.write("c.toml", SMALL);
-    sandbox.run("run --config c.toml --out x").expect(0);
+    let sandbox = scanned(3);
     for (command, code, meant) in [
         ("verfy x", 2, "verify"),
         ("export x verdicts --fromat csv", 2, "--format"),
@@ -87,9 +82,7 @@ fn slips_are_recognised() {
 /// `head`, and makes a verb fail that does nothing but print.
 #[test]
 fn a_standard_output_that_cannot_be_written_is_told_once() {
-    let sandbox = Sandbox::new();
-    sandbox.write("c.toml", SMALL);
-    sandbox.run("run --config c.toml --stations 2 --out x").expect(0);
+    let sandbox = scanned(3);
     let to_full = |command: &str| {
         let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
         Done::from(sandbox.plain(command).stdout(full).output().unwrap()).expect(1).err

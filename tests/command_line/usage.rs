@@ -7,6 +7,7 @@ use std::os::unix::fs::{FileTypeExt as _, symlink};
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 use rustix::io::ioctl_fionread;
 
+use crate::command_line::scanned;
 use crate::sandbox::Sandbox;
 use crate::sandbox::archives::bend;
 
@@ -27,7 +28,7 @@ fn wrong_usage_has_its_own_exit_code() {
 fn a_level_that_is_none_is_refused() {
     let sandbox = Sandbox::new();
     let with = |level: &str| {
-        let done = sandbox.plain("model table 1").env("TAPLINE_LOG", level).output().unwrap();
+        let done = sandbox.plain("completions bash").env("TAPLINE_LOG", level).output().unwrap();
         (done.status.code(), String::from_utf8(done.stderr).unwrap())
     };
     let (code, text) = with("warning");
@@ -66,9 +67,7 @@ fn what_is_no_archive_is_told_by_name() {
 /// A table must not be written over the archive it comes from.
 #[test]
 fn an_export_does_not_destroy_its_archive() {
-    let sandbox = Sandbox::new();
-    sandbox.write("c.toml", "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.0]\nrepetitions = 1\nlocations = 9\n");
-    sandbox.run("run --config c.toml --out x").expect(0);
+    let sandbox = scanned(1);
     let done = sandbox.run("export x/SIM-0001.h5 ledger --out ./x/SIM-0001.h5").expect(1);
     assert!(done.err.contains("SIM-0001.h5"), "{done:?}");
     sandbox.run("verify x/SIM-0001.h5").expect(0);
@@ -83,9 +82,7 @@ fn an_export_does_not_destroy_its_archive() {
 /// Catches an archive that is overwritten by a reference, under its own name or through a link.
 #[test]
 fn a_reference_does_not_take_an_archives_place() {
-    let sandbox = Sandbox::new();
-    sandbox.write("c.toml", "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.0]\nrepetitions = 1\nlocations = 20\n[fuse]\nreference = \"self\"\n");
-    sandbox.run("run --config c.toml --stations 2 --out x").expect(0);
+    let sandbox = scanned(1);
     fs::copy(sandbox.path("x/SIM-0002.h5"), sandbox.path("x.json")).unwrap();
     symlink("x/SIM-0002.h5", sandbox.path("link.json")).unwrap();
     let shoulder = "--shoulder SIM-0002/1 --shoulder SIM-0002/2";
@@ -101,9 +98,7 @@ fn a_reference_does_not_take_an_archives_place() {
 /// Catches a file that replaces a device, which would take it from the whole machine, or a link.
 #[test]
 fn an_export_writes_to_pipes_and_where_links_lead() {
-    let sandbox = Sandbox::new();
-    sandbox.write("c.toml", "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.0]\nrepetitions = 1\nlocations = 9\n");
-    sandbox.run("run --config c.toml --out x").expect(0);
+    let sandbox = scanned(1);
     let ledger = sandbox.run("export x/SIM-0001.h5 ledger").expect(0).out;
 
     // Opened for reading and writing, so that neither this test nor the program waits for the other.

@@ -31,10 +31,13 @@ fn paced(scan: &str, taps_per_s: f32) -> String {
     format!("{scan}\n[acquire]\ntaps_per_s = {taps_per_s:.1}\n")
 }
 
-fn undisturbed(sandbox: &Sandbox, scan: &str) -> BTreeMap<String, Contents> {
+/// A sandbox, and the casings of `scan` that an undisturbed run has made in it.
+fn undisturbed(scan: &str) -> (Sandbox, BTreeMap<String, Contents>) {
+    let sandbox = Sandbox::new();
     sandbox.write("quick.toml", scan);
     sandbox.run("run --config quick.toml --out quick").expect(0);
-    casings(&sandbox.path("quick"))
+    let expected = casings(&sandbox.path("quick"));
+    (sandbox, expected)
 }
 
 /// Checks that the finished files are complete, with the contents of an undisturbed run, and that nothing else is left.
@@ -70,16 +73,11 @@ fn settled_beyond(sandbox: &Sandbox, count: u64) -> Option<u64> {
 fn start(sandbox: &Sandbox, taps_per_s: f32) -> Child {
     sandbox.write("paced.toml", &paced(SCAN, taps_per_s));
     let line = sandbox.start("run --config paced.toml --out paced --json");
-    if settled_beyond(sandbox, 20).is_some() {
-        return line;
+    if settled_beyond(sandbox, 20).is_none() {
+        signal(i32::try_from(line.id()).unwrap(), Signal::KILL);
+        panic!("no taps have come: {:?}", finish(line));
     }
-    panic!(
-        "no taps have come: {:?}",
-        finish({
-            signal(i32::try_from(line.id()).unwrap(), Signal::KILL);
-            line
-        })
-    )
+    line
 }
 
 fn finish(line: Child) -> Done {
@@ -90,8 +88,7 @@ fn finish(line: Child) -> Done {
 /// once are killed while all else works.
 #[test]
 fn stages_are_killed_alone_and_by_twos() {
-    let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox, SCAN);
+    let (sandbox, expected) = undisturbed(SCAN);
     // Slower than the others: after each kill some taps must come before the next.
     let line = start(&sandbox, TAPS_PER_S / 2.0);
     let groups: [&[&str]; 6] =
@@ -116,8 +113,7 @@ fn stages_are_killed_alone_and_by_twos() {
 /// Kills each stage again and again, at moments that differ from run to run.
 #[test]
 fn every_stage_is_killed_in_one_run() {
-    let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox, SCAN);
+    let (sandbox, expected) = undisturbed(SCAN);
     let line = start(&sandbox, TAPS_PER_S);
     for words in ["process", "store", "fuse", "acquire-0", "store", "process"] {
         signal(stage(&line, words), Signal::KILL);
@@ -133,8 +129,7 @@ fn stages_are_killed_at_the_end() {
     /// Taps of a station: half as many locations as in the other runs, twice around 2 shoulders, and closing taps.
     const TAPS_A_STATION: f32 = 84.0;
     let scan = SCAN.replace("locations = 40", "locations = 20");
-    let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox, &scan);
+    let (sandbox, expected) = undisturbed(&scan);
     sandbox.write("paced.toml", &paced(&scan, TAPS_PER_S));
     for (words, when) in [("process", 0.9), ("fuse", 0.97), ("store", 0.99), ("acquire-0", 1.0), ("fuse", 1.0)] {
         let line = sandbox.start("run --config paced.toml --out paced --json");
@@ -150,8 +145,7 @@ fn stages_are_killed_at_the_end() {
 /// A stage that another process ends, such as a service manager, is restarted like one that was killed.
 #[test]
 fn stages_that_another_process_ends_are_started_again() {
-    let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox, SCAN);
+    let (sandbox, expected) = undisturbed(SCAN);
     let line = start(&sandbox, TAPS_PER_S);
     for words in ["process", "store", "fuse", second_acquire()] {
         signal(stage(&line, words), Signal::TERM);
@@ -164,8 +158,7 @@ fn stages_that_another_process_ends_are_started_again() {
 /// Killed while the line starts, before anything is connected.
 #[test]
 fn stages_are_killed_at_the_start() {
-    let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox, SCAN);
+    let (sandbox, expected) = undisturbed(SCAN);
     sandbox.write("paced.toml", &paced(SCAN, 2.0 * TAPS_PER_S));
     for delay_ms in [0, 10, 25, 50, 100] {
         let line = sandbox.start("run --config paced.toml --out paced");
@@ -183,8 +176,7 @@ fn stages_are_killed_at_the_start() {
 /// A line that is killed while it starts leaves no stage behind that would hold its archive.
 #[test]
 fn a_line_killed_at_its_start_leaves_no_one() {
-    let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox, SCAN);
+    let (sandbox, expected) = undisturbed(SCAN);
     for delay_ms in [5, 15, 30, 60, 120, 250] {
         sandbox.write("paced.toml", &paced(SCAN, TAPS_PER_S));
         let mut line = sandbox.start("run --config paced.toml --out paced");
@@ -219,18 +211,15 @@ fn a_stage_that_dies_again_and_again_ends_the_line() {
 /// casings are opened, tapped, judged and closed.
 #[test]
 fn everyone_is_killed_while_casings_come_and_go() {
-    let sandbox = Sandbox::new();
     let tyres: String =
         (0..8).map(|k| format!("[[scan.tyre]]\nserial = \"T{k}\"\nstation = {}\n", k % 2 + 1)).collect();
     let scan = format!(
         "[scan]\nstations = 2\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.85]\nrepetitions = 1\nlocations = 14\n{tyres}\
          [simulation]\nsample_count = 4096\n[[simulation.fault]]\nkind = \"double_hit\"\nfraction = 0.1\n"
     );
-    sandbox.write("quick.toml", &scan);
-    sandbox.run("run --config quick.toml --out quick").expect(0);
-    let expected = casings(&sandbox.path("quick"));
+    let (sandbox, expected) = undisturbed(&scan);
     assert_eq!(expected.len(), 8);
-    sandbox.write("paced.toml", &format!("{scan}\n[acquire]\ntaps_per_s = 40.0\n"));
+    sandbox.write("paced.toml", &paced(&scan, 40.0));
     // The moments differ in every run of the tests; they are printed.
     let mut state = u64::from(std::process::id()) << 20 ^ tapline_wire::now_ns() as u64;
     let mut dice = |end: u64| {
@@ -268,15 +257,12 @@ fn everyone_is_killed_while_casings_come_and_go() {
 /// Catches a message that is lost with its sender: `store` is killed just when a finished file is renamed.
 #[test]
 fn store_is_killed_as_files_are_finished() {
-    let sandbox = Sandbox::new();
     let tyres: String = (0..6).map(|k| format!("[[scan.tyre]]\nserial = \"T{k}\"\n")).collect();
     let scan = format!(
         "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.85]\nrepetitions = 1\nlocations = 10\n{tyres}\
          [simulation]\nsample_count = 4096\n"
     );
-    sandbox.write("quick.toml", &scan);
-    sandbox.run("run --config quick.toml --out quick").expect(0);
-    let expected = casings(&sandbox.path("quick"));
+    let (sandbox, expected) = undisturbed(&scan);
     let mut line = sandbox.start("run --config quick.toml --out killed --json");
     let deadline = Instant::now() + Duration::from_secs(60);
     let mut killed = 0;
@@ -302,8 +288,7 @@ fn store_is_killed_as_files_are_finished() {
 /// the run.
 #[test]
 fn an_interrupted_run_is_resumed() {
-    let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox, SCAN);
+    let (sandbox, expected) = undisturbed(SCAN);
     let line = start(&sandbox, TAPS_PER_S);
     signal(line.id() as i32, Signal::INT);
     let summary = finish(line).json(3);
@@ -335,8 +320,7 @@ fn an_interrupted_run_is_resumed() {
 /// The line itself is killed: its stages end with it, and the next run clears up and continues.
 #[test]
 fn a_killed_line_is_resumed() {
-    let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox, SCAN);
+    let (sandbox, expected) = undisturbed(SCAN);
     let mut line = start(&sandbox, TAPS_PER_S);
     let stages: Vec<i32> = ["store", "fuse", "process", "acquire-0"].map(|words| stage(&line, words)).into();
     line.kill().unwrap();

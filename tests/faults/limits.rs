@@ -74,10 +74,7 @@ fn too_little_address_space_is_an_error_that_asks_for_enough() {
     let mut enough = 0.0;
     for few in [150_000, 190_000, 200_000] {
         let done = finish(limited(&sandbox, &format!("-v {few}"), "few").spawn().unwrap(), AT_ONCE);
-        let megabytes =
-            done.err.split_once("address space of a process: ").and_then(|(_, said)| said.split_once(" of "));
-        let megabytes = megabytes.unwrap_or_else(|| panic!("{done:?}")).1.split(' ').next().unwrap();
-        enough = megabytes.parse::<f64>().unwrap();
+        enough = needed(&done, "address space of a process: ").parse::<f64>().unwrap();
     }
     let line = limited(&sandbox, &format!("-v {}", (enough * 1e6 / 1024.0) as u64 + 200), "enough").spawn().unwrap();
     finish(line, Duration::from_secs(60)).expect(0);

@@ -10,7 +10,7 @@ use tapline_store::{Reader, verify};
 use tapline_testing::program::Done;
 use tapline_wire::{CacheLine, TapHeader, cache_lines_for, i16_of_mut};
 
-use crate::line::file_of;
+use crate::line::{file_of, reported, start_rig};
 use crate::sandbox::running::{Running, until};
 use crate::sandbox::{Sandbox, short_scan};
 
@@ -49,9 +49,8 @@ fn a_rig_is_heard_through_a_sound_card() {
     let simulation = format!("[simulation]\nsample_count = {RECORD}\n");
     let rig =
         "casings = 2\nserials = [\"A\", \"B\"]\nplay = \"shoulder.pcm\"\nmissed_hits = 0.05\ndouble_hits = 0.05\n";
-    sandbox.write("rig.toml", &format!("{rig}{}seed = 4\n{CRACKED}{simulation}", short_scan(24)));
-    let mut machine = Running::start(&sandbox, "rig --listen 127.0.0.1:0 --config rig.toml");
-    let address = machine.line().strip_prefix("listening at ").unwrap().to_owned();
+    let script = format!("{rig}{}seed = 4\n{CRACKED}{simulation}", short_scan(24));
+    let (machine, address) = start_rig(&sandbox, &script);
     let station = format!("[[station]]\nnumber = 1\nsource = \"alsa\"\ndevice = \"shoulder\"\nrig = \"{address}\"\n");
     sandbox.write("plant.toml", &format!("{}{CAPTURE}{station}", short_scan(24)));
     let mut line = start_line(&sandbox, 2);
@@ -74,8 +73,7 @@ fn a_rig_is_heard_through_a_sound_card() {
     eprintln!("{report}");
     let logged = |words: &str| log.lines().filter(|line| line.contains(words)).count();
     for (what, words) in [("missed hits", "nothing was heard"), ("double hits", "heard more than once")] {
-        let (_, rest) = report.split_once(&format!("{what} ")).unwrap();
-        let made: usize = rest.split(|c: char| !c.is_ascii_digit()).next().unwrap().parse().unwrap();
+        let made = reported(&report, what);
         assert!(made > 0 && logged(words) >= made, "{made} {what}, {}", logged(words));
     }
 }

@@ -2,11 +2,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Child;
 
 use crate::line::file_of;
 use crate::sandbox::Sandbox;
+use crate::sandbox::archives::names;
 use crate::sandbox::running::Running;
 
 /// Resources of a stage.
@@ -37,8 +38,7 @@ fn taken(line: &Child) -> (BTreeMap<String, Takes>, BTreeSet<String>) {
     let maps = fs::read_to_string(format!("/proc/{}/maps", line.id())).unwrap();
     let name = maps.lines().find_map(|line| line.split_once("/dev/shm/").map(|(_, name)| name.to_owned())).unwrap();
     let prefix: String = name.splitn(3, '_').take(2).collect::<Vec<_>>().join("_");
-    let files = fs::read_dir("/dev/shm").unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
-    (taken, files.filter(|file| file.starts_with(&prefix)).collect())
+    (taken, names(Path::new("/dev/shm")).into_iter().filter(|file| file.starts_with(&prefix)).collect())
 }
 
 /// Catches anything that grows with the number of casings: memory, file descriptors, threads, shared memory.

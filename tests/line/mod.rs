@@ -27,20 +27,35 @@ use crate::sandbox::{Sandbox, short_scan};
 /// Limits of a line that takes tap sets.
 const ROOM: &str = "[line]\ntaps_max = 200\nrecord_samples_max = 40000\nscans_max = 4\n";
 
+/// A station that watches the folder `inbox`.
+const INBOX: &str = "[[station]]\nnumber = 1\nsource = \"folder\"\nfolder = \"inbox\"\n";
+
 fn file_of(verdict: &Value) -> PathBuf {
     PathBuf::from(verdict["file"].as_str().unwrap())
 }
 
 /// The casing at the first station, by the status of the line on `out`; null if there is none.
 fn casing_under_way(sandbox: &Sandbox) -> Value {
-    let status = sandbox.run("status --out out --json");
-    let status: Value = serde_json::from_str(status.out.trim()).unwrap_or_default();
-    status["stations"][0]["casing"].clone()
+    wires::status(sandbox)["stations"][0]["casing"].clone()
 }
 
 /// Number of archived taps of that casing.
 fn archived(sandbox: &Sandbox) -> u64 {
     casing_under_way(sandbox)["archived"].as_u64().unwrap_or(0)
+}
+
+/// A simulated rig that plays `script`, and its address.
+fn start_rig(sandbox: &Sandbox, script: &str) -> (Running, String) {
+    sandbox.write("rig.toml", script);
+    let mut rig = Running::start(sandbox, "rig --listen 127.0.0.1:0 --config rig.toml");
+    let address = rig.line().strip_prefix("listening at ").unwrap().to_owned();
+    (rig, address)
+}
+
+/// A number in the rig's report.
+fn reported(report: &str, what: &str) -> usize {
+    let (_, rest) = report.split_once(&format!("{what} ")).unwrap();
+    rest.split(|c: char| !c.is_ascii_digit()).next().unwrap().parse().unwrap()
 }
 
 /// The finished files in all folders of days.

@@ -4,7 +4,6 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
-use std::os::unix::fs::PermissionsExt as _;
 use std::process::Command;
 use std::time::Duration;
 
@@ -13,7 +12,7 @@ use serde_json::Value;
 use tapline_testing::program::Done;
 use tapline_wire::now_ns;
 
-use crate::line::{ROOM, assert_like_undisturbed, slow_plant, tap_sets};
+use crate::line::{INBOX, ROOM, assert_like_undisturbed, slow_plant, tap_sets};
 use crate::sandbox::Sandbox;
 use crate::sandbox::browser::Browser;
 use crate::sandbox::running::{PATIENCE, Running, until};
@@ -71,8 +70,7 @@ fn a_browser_shows_each_verdict_and_where_the_crack_is() {
     let sandbox = Sandbox::new();
     let Some(mut browser) = Browser::start(&sandbox) else { return };
     tap_sets(&sandbox);
-    let station = "[[station]]\nnumber = 1\nsource = \"folder\"\nfolder = \"inbox\"\n";
-    sandbox.write("plant.toml", &format!("[acquire]\ntaps_per_s = 25\n{ROOM}{station}"));
+    sandbox.write("plant.toml", &format!("[acquire]\ntaps_per_s = 25\n{ROOM}{INBOX}"));
     let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json --serve 127.0.0.1:0");
     let address = address_of(&mut line);
     until("the inbox is made", || sandbox.path("inbox/failed").is_dir());
@@ -276,8 +274,7 @@ fn only_who_may_sees_the_line() {
     }
     line.interrupt().expect(0);
 
-    sandbox.write("token", "a-token-of-20-letters\n");
-    fs::set_permissions(sandbox.path("token"), fs::Permissions::from_mode(0o600)).unwrap();
+    sandbox.write_secret("token", "a-token-of-20-letters\n");
     let mut line = Running::start(
         &sandbox,
         "line --config plant.toml --out far --json --serve 0.0.0.0:0 --serve-token-file token",

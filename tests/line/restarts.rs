@@ -8,7 +8,8 @@ use serde_json::Value;
 use tapline_store::verify;
 
 use crate::line::{
-    ROOM, all_finished, archived, assert_like_undisturbed, assert_made, casing_under_way, file_of, slow_plant, tap_sets,
+    INBOX, ROOM, all_finished, archived, assert_like_undisturbed, assert_made, casing_under_way, file_of, slow_plant,
+    tap_sets,
 };
 use crate::sandbox::archives::under_way;
 use crate::sandbox::running::{Running, until};
@@ -21,8 +22,7 @@ use crate::sandbox::{Sandbox, short_scan};
 fn a_killed_line_goes_on_with_what_was_under_way() {
     let sandbox = Sandbox::new();
     let made = tap_sets(&sandbox);
-    let station = "[[station]]\nnumber = 1\nsource = \"folder\"\nfolder = \"inbox\"\n";
-    sandbox.write("plant.toml", &format!("{ROOM}[acquire]\ntaps_per_s = 20.0\n{station}"));
+    sandbox.write("plant.toml", &format!("{ROOM}[acquire]\ntaps_per_s = 20.0\n{INBOX}"));
     for casing in ["A", "B"] {
         fs::create_dir_all(sandbox.path("inbox")).unwrap();
         fs::rename(sandbox.path("sets").join(casing), sandbox.path("inbox").join(casing)).unwrap();

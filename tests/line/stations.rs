@@ -1,13 +1,14 @@
 //! Sources of casings: a watched folder, and a rig.
 
 use std::fs;
-use std::process::Command;
 use std::time::Instant;
 
 use tapline_store::{Reader, verify};
 use tapline_wire::TapState;
 
-use crate::line::{ROOM, all_finished, archived, assert_made, casing_under_way, file_of, tap_sets};
+use crate::line::{
+    INBOX, ROOM, all_finished, archived, assert_made, casing_under_way, file_of, reported, start_rig, tap_sets,
+};
 use crate::sandbox::archives::under_way;
 use crate::sandbox::running::{Running, until};
 use crate::sandbox::{Sandbox, short_scan};
@@ -18,7 +19,7 @@ use crate::sandbox::{Sandbox, short_scan};
 fn tap_sets_that_are_moved_into_a_folder_are_judged() {
     let sandbox = Sandbox::new();
     let made = tap_sets(&sandbox);
-    sandbox.write("plant.toml", &format!("{ROOM}[[station]]\nnumber = 1\nsource = \"folder\"\nfolder = \"inbox\"\n"));
+    sandbox.write("plant.toml", &format!("{ROOM}{INBOX}"));
     let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json");
     until("the inbox is made", || sandbox.path("inbox/failed").is_dir());
 
@@ -34,8 +35,7 @@ fn tap_sets_that_are_moved_into_a_folder_are_judged() {
     assert!(file.is_absolute() && file.parent().unwrap().parent() == Some(&sandbox.path("out")), "{file:?}");
     if let Some(python) = tapline_testing::python_with("hdf5plugin, h5py") {
         let script = "import hdf5plugin, h5py, sys\nprint((h5py.File(sys.argv[1])['plan']['grown_to'] > 0).sum())";
-        let done = Command::new(python).args(["-c", script]).arg(&file).output().unwrap();
-        assert_eq!(String::from_utf8_lossy(&done.stdout).trim(), "50", "{done:?}");
+        assert_eq!(sandbox.python(&python, script, &[file.to_str().unwrap()]).trim(), "50");
     }
     sandbox.run(&format!("export {} verdicts", file.display())).expect(0);
     until("the set is done", || sandbox.path("inbox/done/A/taps.csv").is_file() && !sandbox.path("inbox/A").exists());
@@ -67,18 +67,10 @@ fn tap_sets_that_are_moved_into_a_folder_are_judged() {
 
 /// Starts a rig, and writes the configuration of a line with its station.
 fn rig_and_plant(sandbox: &Sandbox, script: &str, more: &str) -> Running {
-    sandbox.write("rig.toml", script);
-    let mut machine = Running::start(sandbox, "rig --listen 127.0.0.1:0 --config rig.toml");
-    let address = machine.line().strip_prefix("listening at ").unwrap().to_owned();
+    let (machine, address) = start_rig(sandbox, script);
     let station = format!("[[station]]\nnumber = 1\nsource = \"rig\"\nrig = \"{address}\"\n");
     sandbox.write("plant.toml", &format!("{}[simulation]\nsample_count = 4096\n{more}\n{station}", short_scan(24)));
     machine
-}
-
-/// A number in the rig's report.
-fn reported(report: &str, what: &str) -> usize {
-    let (_, rest) = report.split_once(&format!("{what} ")).unwrap();
-    rest.split(|c: char| !c.is_ascii_digit()).next().unwrap().parse().unwrap()
 }
 
 /// Catches a serial that is unreadable or repeated and blocks the line or replaces a file, and taps that are lost or
@@ -192,7 +184,7 @@ fn a_casing_that_cannot_be_judged_is_whole() {
     let missing = taps.lines().nth(3).unwrap().split(',').next().unwrap().to_owned();
     fs::remove_file(sandbox.path("sets/A").join(missing)).unwrap();
     sandbox.write("sets/A/taps.csv", &taps.replace(",A,1,0,", ",A,1,5,").replace(",A,2,0,", ",A,2,5,"));
-    sandbox.write("plant.toml", &format!("{ROOM}[[station]]\nnumber = 1\nsource = \"folder\"\nfolder = \"inbox\"\n"));
+    sandbox.write("plant.toml", &format!("{ROOM}{INBOX}"));
     let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json --reference sound.json");
     until("the inbox is made", || sandbox.path("inbox/failed").is_dir());
     fs::rename(sandbox.path("sets/A"), sandbox.path("inbox/A")).unwrap();

@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::io::{BufRead as _, BufReader};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Child;
 use std::time::Duration;
 
@@ -12,6 +12,7 @@ use tapline_wire::StatusTopic;
 
 use crate::line::{assert_like_undisturbed, slow_plant};
 use crate::sandbox::Sandbox;
+use crate::sandbox::archives::names;
 use crate::sandbox::running::Running;
 use crate::sandbox::stages::{signal, stage};
 
@@ -53,8 +54,8 @@ fn who_looks_on_changes_nothing() {
     line.finish().expect(0);
     assert!(!place.exists());
     let prefix = place.file_name().unwrap().to_str().unwrap().replace('-', "_");
-    let left = fs::read_dir("/dev/shm").unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
-    assert_eq!(left.filter(|name| name.starts_with(&prefix)).collect::<Vec<_>>(), [""; 0]);
+    let left = names(Path::new("/dev/shm")).into_iter().filter(|name| name.starts_with(&prefix));
+    assert_eq!(left.collect::<Vec<_>>(), [""; 0]);
     signal(i32::try_from(frozen.id()).unwrap(), Signal::CONT);
     let done = frozen.wait_with_output().unwrap();
     assert!(done.status.success(), "{done:?}");

@@ -26,8 +26,7 @@ fn scanned() -> Sandbox {
     sandbox.write("sound.toml", &format!("{SCAN}seed = 5\n{}", tyres("S", false)));
     sandbox.write("cracked.toml", &format!("{SCAN}seed = 6\n{}", tyres("C", true)));
     for name in ["sound", "cracked"] {
-        let done = sandbox.run(&format!("run --config {name}.toml --out {name} --reference self --json"));
-        assert_eq!(done.code, Some(0), "{done:?}");
+        sandbox.run(&format!("run --config {name}.toml --out {name} --reference self --json")).expect(0);
     }
     sandbox
 }
@@ -62,11 +61,10 @@ fn what_was_recorded_differently_is_left_out() {
 #[test]
 fn tyres_are_judged_by_a_reference_of_others() {
     let sandbox = scanned();
-    let done = sandbox.run(&format!("reference {SOUND} --out sound.json"));
-    assert_eq!(done.code, Some(0), "{done:?}");
+    let done = sandbox.run(&format!("reference {SOUND} --out sound.json")).expect(0);
     assert!(done.out.contains("4 shoulders: S1/1, S1/2, S2/1, S2/2; 400 sound and 0 cracked locations"), "{done:?}");
-    let done = sandbox.run("run --config cracked.toml --out by --reference sound.json --json");
-    assert_eq!(done.code, Some(0), "{done:?}");
+    let again = "run --config cracked.toml --out by --reference sound.json --json";
+    sandbox.run(again).expect(0);
     for (name, verdict, reasons) in verdicts(&sandbox, "by") {
         assert_eq!(verdict == "REJECT", name == "C3/1", "{name} {verdict} {reasons}");
         assert!(!reasons.contains("self_reference"), "{name} {reasons}");
@@ -83,14 +81,10 @@ fn tyres_are_judged_by_a_reference_of_others() {
     assert_eq!(reader.reference(), Some(std::fs::read_to_string(sandbox.path("sound.json")).unwrap().as_str()));
     drop(reader);
     // The same run again has nothing to do; with another reference it is another run.
-    let again = "run --config cracked.toml --out by --reference sound.json --json";
-    assert_eq!(sandbox.run(again).code, Some(0));
-    assert_eq!(
-        sandbox.run("reference sound/S1.h5 --shoulder S1/1 --shoulder S1/2 --out sound.json --force").code,
-        Some(0)
-    );
-    let done = sandbox.run(again);
-    assert!(done.code == Some(1) && done.err.contains("another reference"), "{done:?}");
+    sandbox.run(again).expect(0);
+    sandbox.run("reference sound/S1.h5 --shoulder S1/1 --shoulder S1/2 --out sound.json --force").expect(0);
+    let done = sandbox.run(again).expect(1);
+    assert!(done.err.contains("another reference"), "{done:?}");
 }
 
 /// Catches a shoulder that is not judged because recordings of the other one are missing, at most taps or at a
@@ -127,12 +121,11 @@ fn a_shoulder_without_its_recordings_leaves_the_other_alone() {
 #[test]
 fn a_labelled_reference_teaches() {
     let sandbox = scanned();
-    let done = sandbox.run(&format!("reference {CRACKED} {SOUND} --labelled --learn-directions --out known.json"));
-    assert_eq!(done.code, Some(0), "{done:?}");
+    let labelled = format!("reference {CRACKED} {SOUND} --labelled --learn-directions --out known.json");
+    let done = sandbox.run(&labelled).expect(0);
     assert!(done.out.contains("994 sound and 6 cracked"), "{done:?}");
     sandbox.write("later.toml", &format!("{SCAN}seed = 7\n{}[fuse]\nreference = \"known.json\"\n", tyres("L", true)));
-    let done = sandbox.run("run --config later.toml --out later --json");
-    assert_eq!(done.code, Some(0), "{done:?}");
+    let done = sandbox.run("run --config later.toml --out later --json").expect(0);
     for (name, verdict, reasons) in verdicts(&sandbox, "later") {
         // One in fifty sound shoulders may be RE-INSPECT.
         assert_eq!(verdict == "REJECT", name == "L3/1", "{name} {verdict} {reasons}");
@@ -191,8 +184,7 @@ fn what_stands_out_of_a_reference_is_told() {
 fn what_cannot_be_a_reference_is_refused() {
     let sandbox = scanned();
     let refused = |arguments: &str, words: &[&str]| {
-        let done = Sandbox::run(&sandbox, arguments);
-        assert_eq!(done.code, Some(1), "{arguments}: {done:?}");
+        let done = sandbox.run(arguments).expect(1);
         for word in words {
             assert!(done.err.contains(word), "{arguments}: {word} is not in {}", done.err);
         }
@@ -223,7 +215,7 @@ fn what_cannot_be_a_reference_is_refused() {
     // location.
     refused("reference cracked/C3.h5 --shoulder C3/1 --out named.json", &["C3/1 is known to be cracked", "--labelled"]);
     assert!(!sandbox.path("named.json").exists());
-    assert_eq!(sandbox.run(&format!("reference {SOUND} --out sound.json")).code, Some(0));
+    sandbox.run(&format!("reference {SOUND} --out sound.json")).expect(0);
     sandbox.write("other.toml", &format!("{SCAN}{}[process]\nf_c_hz = 600.0\n", tyres("S", false)));
     refused("run --config other.toml --out a --reference sound.json", &["f_c_hz = 550.0 there", "f_c_hz = 600.0 here"]);
     // A line of folders, of which nothing else is known.
@@ -233,8 +225,7 @@ fn what_cannot_be_a_reference_is_refused() {
     sandbox.write("folder.toml", &format!("{station}[fuse]\nreference = \"sound.json\"\n"));
     sandbox.run("config --check folder.toml").expect(0);
     // Archives that were analysed differently cannot be combined either.
-    let done = sandbox.run("run --config other.toml --out other --reference self");
-    assert_eq!(done.code, Some(0), "{done:?}");
+    sandbox.run("run --config other.toml --out other --reference self").expect(0);
     refused(
         "reference sound/S1.h5 other/S2.h5 --out both.json",
         &["other/S2.h5", "sound/S1.h5", "f_c_hz = 550.0 there, f_c_hz = 600.0 here"],

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use crate::sandbox::recordings::{LOCATIONS, SCAN, sample, tap_set, write_wav};
+use crate::sandbox::recordings::{LOCATIONS, SCAN, tap_set, write_float_wav, write_wav};
 use tapline_testing::documents::csv_rows;
 
 #[test]
@@ -74,21 +74,13 @@ fn bad_recordings_are_refused_into_the_ledger() {
 fn a_sample_that_is_not_a_number_is_refused() {
     let sandbox = tap_set();
     for location in 0..LOCATIONS {
-        let spec = hound::WavSpec {
-            channels: 2,
-            sample_rate: 41_000,
-            bits_per_sample: 32,
-            sample_format: hound::SampleFormat::Float,
-        };
-        let mut wav = hound::WavWriter::create(sandbox.path(&format!("taps/{location:03}.wav")), spec).unwrap();
-        for k in 0..4096 {
-            for channel in 0..2 {
-                let is_bad = location == 9 && k == 2000 && channel == 1;
-                wav.write_sample(if is_bad { f32::NAN } else { sample(channel, k, location) as f32 }).unwrap();
-            }
-        }
-        wav.finalize().unwrap();
+        write_float_wav(&sandbox.path(&format!("taps/{location:03}.wav")), location);
     }
+    // Sample 2000 of the second channel; the file ends with its 4096 samples of two channels, 4 bytes each.
+    let mut bytes = fs::read(sandbox.path("taps/009.wav")).unwrap();
+    let at = bytes.len() - 4 * 2 * (4096 - 2000) + 4;
+    bytes[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+    fs::write(sandbox.path("taps/009.wav"), bytes).unwrap();
     let summary = sandbox.run("run --taps taps --out set --json").json(3);
     assert_eq!((&summary["archived"], &summary["refused"]), (&23.into(), &1.into()));
     let reason = &csv_rows(&sandbox.run("export set/A-17.h5 ledger").expect(0).out)[9]["reason"];

@@ -67,6 +67,14 @@ pub(crate) fn contents(archive: &Path) -> Contents {
     }
 }
 
+/// The names of the files and folders in `folder`, sorted.
+pub(crate) fn names(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> =
+        fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
 /// The finished files of a run, by the casings' names as in the file names.
 pub(crate) fn finished(out: &Path) -> BTreeMap<String, PathBuf> {
     let files = fs::read_dir(out).unwrap().map(|entry| entry.unwrap().path());

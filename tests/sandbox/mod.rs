@@ -9,12 +9,16 @@ pub(crate) mod recordings;
 pub(crate) mod running;
 pub(crate) mod stages;
 
+use std::ffi::OsStr;
 use std::fs;
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 
 use tapline_testing::program::Done;
 use tempfile::TempDir;
+
+use crate::sandbox::archives::names;
 
 /// `[scan]` of casings that take a second: two shoulders of `locations` taps, the first again, and no others.
 pub(crate) fn short_scan(locations: u32) -> String {
@@ -38,6 +42,19 @@ impl Sandbox {
     /// Writes a file into the folder.
     pub(crate) fn write(&self, name: &str, text: &str) {
         fs::write(self.path(name), text).unwrap();
+    }
+
+    /// Writes a file that only its user may read.
+    pub(crate) fn write_secret(&self, name: &str, text: &str) {
+        self.write(name, text);
+        fs::set_permissions(self.path(name), fs::Permissions::from_mode(0o600)).unwrap();
+    }
+
+    /// What `python` prints in the folder when it runs `script` with more `arguments`.
+    pub(crate) fn python(&self, python: &OsStr, script: &str, arguments: &[&str]) -> String {
+        let mut command = Command::new(python);
+        command.args(["-c", script]).args(arguments).current_dir(self.folder.path());
+        Done::from(command.output().unwrap()).expect(0).out
     }
 
     /// The program with `arguments`, split at spaces.
@@ -82,10 +99,6 @@ impl Sandbox {
 
     /// Folders that lines have left; while one exists, shared memory may exist too.
     pub(crate) fn left(&self) -> Vec<String> {
-        let files = fs::read_dir(self.folder.path()).unwrap().flatten();
-        files
-            .map(|f| f.file_name().to_string_lossy().into_owned())
-            .filter(|name| name.starts_with("tapline-"))
-            .collect()
+        names(self.folder.path()).into_iter().filter(|name| name.starts_with("tapline-")).collect()
     }
 }

@@ -21,7 +21,7 @@ pub(crate) const COLUMNS: &str = "file,tyre,shoulder,offset_mm,velocity_m_per_s,
 pub(crate) const LOCATIONS: u32 = 24;
 
 /// A sample of the synthetic tap: a half-sine of force and a decaying sound, both with a little noise.
-pub(crate) fn sample(channel: usize, k: u32, location: u32) -> f64 {
+fn sample(channel: usize, k: u32, location: u32) -> f64 {
     let t = (f64::from(k) - 400.0) / 41e3;
     let noise = f64::from((k * 7919 + location * 104_729 + channel as u32 * 31) % 101) / 101.0 - 0.5;
     let scatter = 1.0 + 0.01 * f64::from(location * 37 % 11);

@@ -1,7 +1,6 @@
 //! Files that a centre does not take, and connections that are not made.
 
 use std::fs;
-use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 use std::process::Command;
 
@@ -106,8 +105,7 @@ fn the_server_must_be_vouched_for_and_knows_who_connects() {
     let Some(server) = NatsServer::start(&sandbox, &more) else { return };
     let made = made(&sandbox, 1);
     for (name, text) in [("user", "press-1\nsecret word\n"), ("stranger", "press-1\nwrong\n")] {
-        sandbox.write(name, text);
-        fs::set_permissions(sandbox.path(name), fs::Permissions::from_mode(0o600)).unwrap();
+        sandbox.write_secret(name, text);
     }
     let collect = |more: &str| Running::start(&sandbox, &format!("collect centre --from {} {more}", server.address));
     for (more, why) in [

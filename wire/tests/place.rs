@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+use std::fmt::Debug;
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
@@ -11,7 +12,7 @@ use std::time::Duration;
 
 use tapline_wire::{
     AskTopic, CasingTopic, DamageTopic, DiscriminatorTopic, Limits, Line, LineAddress, ProposalTopic, Publisher, Role,
-    Services, SettledTopic, Subscriber, TapTopic, line_bytes, shm,
+    Services, SettledTopic, Subscriber, TapTopic, Topic, line_bytes, shm,
 };
 
 fn limits(acquires: u16) -> Limits {
@@ -34,32 +35,25 @@ fn participant() {
     };
     let line = Line::join(&address, role, &limits, Arc::default()).unwrap();
     // What each holds is what the stage of that name holds.
-    let casings =
-        matches!(role, Role::Acquire(_) | Role::Fuse).then(|| Subscriber::<CasingTopic>::open(&line).unwrap());
-    let (mut tap_in, mut found_in, mut damage_in, mut settled_in, mut proposals_in) = (None, None, None, None, None);
-    let (mut taps, mut found, mut damage, mut settled, mut proposals) = (None, None, None, None, None);
+    let (mut inputs, mut outputs) = (Vec::new(), Vec::new());
     let mut notices = Vec::new();
     match role {
         Role::Acquire(_) => {
-            taps = Some(Publisher::<TapTopic>::open(&line).unwrap());
-            proposals = Some(Publisher::<ProposalTopic>::open(&line).unwrap());
+            inputs.push(input::<CasingTopic>(&line));
+            outputs.extend([output::<TapTopic>(&line), output::<ProposalTopic>(&line)]);
         }
         Role::Process => {
-            tap_in = Some(Subscriber::<TapTopic>::open(&line).unwrap());
-            found = Some(Publisher::<DiscriminatorTopic>::open(&line).unwrap());
+            inputs.push(input::<TapTopic>(&line));
+            outputs.push(output::<DiscriminatorTopic>(&line));
         }
         Role::Fuse => {
-            settled_in = Some(Subscriber::<SettledTopic>::open(&line).unwrap());
-            damage =
-                Some((Publisher::<DamageTopic>::open(&line).unwrap(), Publisher::<AskTopic>::open(&line).unwrap()));
+            inputs.extend([input::<CasingTopic>(&line), input::<SettledTopic>(&line)]);
+            outputs.extend([output::<DamageTopic>(&line), output::<AskTopic>(&line)]);
         }
         Role::Store => {
-            tap_in = Some(Subscriber::<TapTopic>::open(&line).unwrap());
-            found_in = Some(Subscriber::<DiscriminatorTopic>::open(&line).unwrap());
-            damage_in =
-                Some((Subscriber::<DamageTopic>::open(&line).unwrap(), Subscriber::<AskTopic>::open(&line).unwrap()));
-            proposals_in = Some(Subscriber::<ProposalTopic>::open(&line).unwrap());
-            settled = Some(Publisher::<SettledTopic>::open(&line).unwrap());
+            inputs.extend([input::<TapTopic>(&line), input::<DiscriminatorTopic>(&line)]);
+            inputs.extend([input::<DamageTopic>(&line), input::<AskTopic>(&line), input::<ProposalTopic>(&line)]);
+            outputs.push(output::<SettledTopic>(&line));
             let acquires = (0..limits.acquire_count).map(Role::Acquire);
             let receivers = acquires.chain([Role::Fuse, Role::Supervisor]);
             notices.extend(receivers.map(|to| Publisher::<CasingTopic>::open_to(&line, to).unwrap()));
@@ -78,17 +72,22 @@ fn participant() {
     while end.try_recv() != Err(std::sync::mpsc::TryRecvError::Disconnected) {
         line.wait(Duration::from_millis(50)).unwrap();
         // A look at each input connects it to those who send by now.
-        let looks = (
-            tap_in.as_ref().map(|s| s.receive().map(drop)),
-            found_in.as_ref().map(|s| s.receive().map(drop)),
-            damage_in.as_ref().map(|(damage, asked)| (damage.receive().map(drop), asked.receive().map(drop))),
-            settled_in.as_ref().map(|s| s.receive().map(drop)),
-            proposals_in.as_ref().map(|s| s.receive().map(drop)),
-            casings.as_ref().map(|s| s.receive().map(drop)),
-        );
-        drop(looks);
+        for look in &inputs {
+            look();
+        }
     }
-    drop((taps, found, damage, settled, proposals, notices));
+    drop((outputs, notices));
+}
+
+/// A look at what comes in on a topic.
+fn input<T: Topic>(line: &Line) -> Box<dyn Fn() + '_> {
+    let subscriber = Subscriber::<T>::open(line).unwrap();
+    Box::new(move || drop(subscriber.receive()))
+}
+
+/// The sending end of a topic, only to be held.
+fn output<T: Topic>(line: &Line) -> Box<dyn Debug + '_> {
+    Box::new(Publisher::<T>::open(line).unwrap())
 }
 
 struct Participant(Child);

@@ -29,16 +29,12 @@ impl<'a> Outlet<'a> {
         Ok(Self { line, taps, proposals, waits: Publisher::open(line)?, retakes, outcome })
     }
 
-    /// Reports what `station` waits for to the supervisor, without blocking; whether it was sent.
-    pub(crate) fn report_wait(&self, station: u16, what: &str) -> Result<bool, LineError> {
+    /// Sends the supervisor what `station` waits for ([`RecordKind::Data`]), or an alarm or refusal of it for people, without
+    /// blocking; whether it was sent.
+    pub(crate) fn report(&self, station: u16, kind: RecordKind, what: &str) -> Result<bool, LineError> {
+        let bytes_max = if kind == RecordKind::Data { WAIT_BYTES_MAX } else { REASON_BYTES_MAX };
         let stamp = Stamp { mark: station.into(), ..Stamp::default() };
-        self.waits.try_send(RecordKind::Data, stamp, cut(what, WAIT_BYTES_MAX).as_bytes())
-    }
-
-    /// Sends the supervisor an alarm or refusal of `station` for people, without blocking; whether it was sent.
-    pub(crate) fn alarm(&self, station: u16, kind: RecordKind, what: &str) -> Result<bool, LineError> {
-        let stamp = Stamp { mark: station.into(), ..Stamp::default() };
-        self.waits.try_send(kind, stamp, cut(what, REASON_BYTES_MAX).as_bytes())
+        self.waits.try_send(kind, stamp, cut(what, bytes_max).as_bytes())
     }
 
     /// Which limit of the line `source` exceeds, in words; `None` if it fits.

@@ -54,12 +54,11 @@ enum Work {
 
 impl Station {
     pub(crate) fn new(arrivals: Box<dyn Arrivals>, period: Option<Duration>) -> Self {
-        let (closing, left_over) = (Vec::new(), Vec::new());
         Self {
             arrivals,
             work: Work::Idle,
-            closing,
-            left_over,
+            closing: Vec::new(),
+            left_over: Vec::new(),
             left_over_since: None,
             alarms: VecDeque::new(),
             pace: Pace { period, next_due: Instant::now() },
@@ -149,7 +148,7 @@ impl Station {
         self.alarms.extend(self.arrivals.take_alarms().into_iter().map(|text| (RecordKind::Alarm, text)));
         self.alarms.truncate(ALARMS_MAX);
         while let Some((kind, text)) = self.alarms.front() {
-            if !outlet.alarm(self.number(), *kind, text)? {
+            if !outlet.report(self.number(), *kind, text)? {
                 return Ok(());
             }
             self.alarms.pop_front();
@@ -173,7 +172,7 @@ impl Station {
             Work::Tapping(_) => "its taps to be archived".to_owned(),
         };
         let is_news = self.reported.as_ref().is_none_or(|(reported, _)| *reported != what);
-        if is_news && outlet.report_wait(self.number(), &what)? {
+        if is_news && outlet.report(self.number(), RecordKind::Data, &what)? {
             self.reported = Some((what, Instant::now()));
         }
         Ok(())

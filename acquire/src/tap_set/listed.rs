@@ -1,6 +1,6 @@
 //! The finite list of casings in a tap set: the folder is read once, and its casings share it.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -46,10 +46,8 @@ impl TapSetList {
 
     /// The stations that have casings, ascending.
     pub fn stations(&self) -> Vec<u16> {
-        let mut stations: Vec<u16> = self.casings.iter().map(|casing| casing.station).collect();
-        stations.sort_unstable();
-        stations.dedup();
-        stations
+        let stations: BTreeSet<u16> = self.casings.iter().map(|casing| casing.station).collect();
+        stations.into_iter().collect()
     }
 
     /// The casings of `station`, in order.

@@ -2,7 +2,7 @@
 
 use std::io::Cursor;
 
-use hound::{SampleFormat as Kind, WavReader, WavSpec, WavWriter};
+use hound::{Sample, SampleFormat as Kind, WavReader, WavSpec, WavWriter};
 use proptest::prelude::*;
 use tapline_wire::{CacheLine, SampleFormat, bytes_of, cache_lines_for};
 
@@ -12,20 +12,20 @@ fn spec(channels: u16, bits_per_sample: u16, sample_format: Kind) -> WavSpec {
     WavSpec { channels, sample_rate: 40_960, bits_per_sample, sample_format }
 }
 
-fn wav_i16(channels: u16, samples: &[i16]) -> Vec<u8> {
+fn wav<S: Sample + Copy>(spec: WavSpec, samples: &[S]) -> Vec<u8> {
     let mut bytes = Cursor::new(Vec::new());
-    let mut writer = WavWriter::new(&mut bytes, spec(channels, 16, Kind::Int)).unwrap();
+    let mut writer = WavWriter::new(&mut bytes, spec).unwrap();
     samples.iter().for_each(|&s| writer.write_sample(s).unwrap());
     writer.finalize().unwrap();
     bytes.into_inner()
 }
 
+fn wav_i16(channels: u16, samples: &[i16]) -> Vec<u8> {
+    wav(spec(channels, 16, Kind::Int), samples)
+}
+
 fn wav_f32(channels: u16, samples: &[f32]) -> Vec<u8> {
-    let mut bytes = Cursor::new(Vec::new());
-    let mut writer = WavWriter::new(&mut bytes, spec(channels, 32, Kind::Float)).unwrap();
-    samples.iter().for_each(|&s| writer.write_sample(s).unwrap());
-    writer.finalize().unwrap();
-    bytes.into_inner()
+    wav(spec(channels, 32, Kind::Float), samples)
 }
 
 /// The samples of a WAV file as bytes, planar.
@@ -120,11 +120,7 @@ fn other_depths_are_refused() {
         (24, "24-bit integer samples are not supported; 16-bit integer and 32-bit float are"),
         (32, "32-bit integer samples are not supported"),
     ] {
-        let mut bytes = Cursor::new(Vec::new());
-        let mut writer = WavWriter::new(&mut bytes, spec(1, bits, Kind::Int)).unwrap();
-        writer.write_sample(1i32).unwrap();
-        writer.finalize().unwrap();
-        let got = fault(bytes.get_ref());
+        let got = fault(&wav(spec(1, bits, Kind::Int), &[1i32]));
         assert!(got.contains(want), "{got:?} lacks {want:?}");
     }
 }

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use tapline_wire::{Discriminator, Reasons, Verdict};
 
 use super::*;
-use crate::testing::{Casing, built, file, records, scored, shoulders_of, tyre, whole_by};
+use crate::testing::{Casing, built, file, records, scored, set_of, shoulders_of, shoulders_of_all, tyre, whole_by};
 use crate::{Built, Direction, FuseConfig, Fusion, IndexKind, Reference, build_reference};
 
 /// A casing with six cracks of five locations, known, and the reference of it.
@@ -22,10 +22,17 @@ fn judged(set: &ReferenceSet, config: &FuseConfig, casing: &Casing, seed: u64) -
     (Verdict::from_code(judgement.verdict).unwrap(), judgement.reasons, regions)
 }
 
+/// The first limit, and the strongest arc, of shoulder 1 of `casing` as `plan` scans it, by a reference.
+fn limit_and_arc(set: &ReferenceSet, casing: &Casing, plan: &Plan) -> (f64, f64) {
+    let mut fusion = whole_by(&file(), plan, Some(&Arc::new(set.clone())), &records(casing, plan, 7));
+    let judgement = fusion.judge(0).unwrap().0;
+    (judgement.limit_re_inspect, judgement.strongest_arc)
+}
+
 #[test]
 fn a_reference_comes_back_as_it_went() {
     // Catches a number that is rounded on its way through the file, and a digest that depends on the way.
-    let set = build_reference(&built(file()), shoulders_of(&labelled(), 1, true, "A")).unwrap();
+    let set = set_of(shoulders_of(&labelled(), 1, true, "A"));
     let again = ReferenceSet::parse(&set.text().unwrap()).unwrap();
     assert_eq!(again, set);
     assert_eq!(set.digest().len(), 64);
@@ -45,7 +52,7 @@ proptest! {
     fn a_reference_that_was_changed_is_refused(at in any::<prop::sample::Index>(), to in any::<u8>()) {
         // Catches a digest that leaves a part of the file out, and a panic on a file that is none.
         let small = Casing { location_count: 20, offsets_mm: vec![0.0], velocities_m_per_s: vec![1.0], ..Casing::default() };
-        let set = build_reference(&built(file()), shoulders_of(&small, 1, false, "A")).unwrap();
+        let set = set_of(shoulders_of(&small, 1, false, "A"));
         let mut bytes = set.text().unwrap().into_bytes();
         let place = at.index(bytes.len());
         prop_assume!(bytes[place] != to);
@@ -60,7 +67,7 @@ proptest! {
 #[test]
 fn what_is_no_reference_is_refused() {
     // Catches a panic, and an error that does not say what is wrong.
-    let good = build_reference(&built(file()), shoulders_of(&labelled(), 1, true, "A")).unwrap();
+    let good = set_of(shoulders_of(&labelled(), 1, true, "A"));
     let refusal = |set: ReferenceSet| ReferenceSet::parse(&set.signed().text().unwrap()).unwrap_err().to_string();
     let with = |change: &dyn Fn(&mut KnownShoulder)| {
         let mut set = good.clone();
@@ -76,18 +83,16 @@ fn what_is_no_reference_is_refused() {
     assert!(refusal(ReferenceSet { shoulders: vec![], ..good.clone() }).contains("no shoulder"));
     let other = good.text().unwrap().replace("tapline-reference-1", "tapline-reference-9");
     assert!(ReferenceSet::parse(&other).unwrap_err().to_string().contains("tapline-reference-9"));
-    assert!(build_reference(&built(file()), vec![]).is_err());
+    assert!(build_reference(&built(), vec![]).is_err());
     let constant = KnownShoulder { turns: vec![], ..good.shoulders[0].clone() };
-    assert!(
-        build_reference(&built(file()), vec![constant]).unwrap_err().to_string().contains("their values do not vary")
-    );
+    assert!(build_reference(&built(), vec![constant]).unwrap_err().to_string().contains("their values do not vary"));
 }
 
 #[test]
 fn a_shoulder_that_is_there_twice_is_refused() {
     // Catches a shoulder that counts double, as if two casings agreed; the other side of a casing is no repeat.
     let both = Casing { shoulder_count: 2, ..Casing::default() };
-    let mut set = build_reference(&built(file()), shoulders_of(&both, 1, false, "A")).unwrap();
+    let mut set = set_of(shoulders_of(&both, 1, false, "A"));
     assert!(ReferenceSet::parse(&set.clone().signed().text().unwrap()).is_ok());
     // Apart from each other, so that it is not neighbours only that are compared.
     set.shoulders.push(set.shoulders[0].clone());
@@ -98,7 +103,7 @@ fn a_shoulder_that_is_there_twice_is_refused() {
 #[test]
 fn a_number_that_was_edited_is_refused() {
     // Catches a digest that vouches for the shoulders and not for the limits, the labels or the analysis, or the reverse.
-    let set = build_reference(&built(file()), shoulders_of(&labelled(), 1, true, "A")).unwrap();
+    let set = set_of(shoulders_of(&labelled(), 1, true, "A"));
     let refused = |change: &dyn Fn(&mut ReferenceSet)| {
         let mut edited = set.clone();
         change(&mut edited);
@@ -116,14 +121,14 @@ fn a_number_that_was_edited_is_refused() {
 #[test]
 fn rings_of_another_number_of_locations_are_refused() {
     // Catches arcs of so many locations compared with arcs of another length.
-    let set = build_reference(&built(file()), shoulders_of(&Casing::default(), 1, false, "A")).unwrap();
+    let set = set_of(shoulders_of(&Casing::default(), 1, false, "A"));
     let plan = Casing { location_count: 50, ..Casing::default() }.plan();
     let error = Fusion::with_reference(&file(), &plan, Arc::new(set)).unwrap_err();
     assert_eq!(error, Error::OtherLocations { known: 100, planned: 50 });
     // Nor are such rings one reference.
     let mut mixed = shoulders_of(&Casing::default(), 1, false, "A");
     mixed.extend(shoulders_of(&Casing { location_count: 50, ..Casing::default() }, 2, false, "B"));
-    let error = build_reference(&built(file()), mixed).unwrap_err().to_string();
+    let error = build_reference(&built(), mixed).unwrap_err().to_string();
     assert!(error.contains("A/1 has 100 locations of a ring, B/1 has 50 locations"), "{error}");
 }
 
@@ -131,31 +136,23 @@ fn rings_of_another_number_of_locations_are_refused() {
 fn a_reference_is_cut_to_the_turns_of_the_scan() {
     // Catches a scan of one repetition judged by the scatter of two, and what the scan does not have that teaches.
     let both = Casing { shoulder_count: 2, ..Casing::default() };
-    let shoulders = |casing: &Casing| -> Vec<KnownShoulder> {
-        (0..6).flat_map(|k| shoulders_of(casing, 100 + k, false, &format!("A{k}"))).collect()
-    };
     let once = Casing { repetition_count: 1, offsets_mm: vec![0.0], ..both.clone() };
-    let whole = build_reference(&built(file()), shoulders(&both)).unwrap();
+    let whole = set_of(shoulders_of_all(&both, 6));
     let mut cut = whole.clone();
     for shoulder in &mut cut.shoulders {
         shoulder.turns.retain(|turn| turn.repetition == 0 && turn.offset_mm == Some(0.0));
     }
     let plan = once.plan();
-    let judgement_by = |set: &ReferenceSet| {
-        let mut fusion = whole_by(&file(), &plan, Some(&Arc::new(set.clone())), &records(&once, &plan, 7));
-        let judgement = fusion.judge(0).unwrap().0;
-        (judgement.limit_re_inspect, judgement.strongest_arc)
-    };
-    assert_eq!(judgement_by(&whole), judgement_by(&cut));
-    assert!((judgement_by(&whole).0 - whole.summary.limit_re_inspect).abs() > 1e-6);
+    let by_whole = limit_and_arc(&whole, &once, &plan);
+    assert_eq!(by_whole, limit_and_arc(&cut, &once, &plan));
+    assert!((by_whole.0 - whole.summary.limit_re_inspect).abs() > 1e-6);
 }
 
 #[test]
 fn another_casing_is_judged_by_a_reference() {
     // Catches a reference that is not used, a casing damaged for its level, and a mark of self-reference where there is none.
     let sound = Casing { shoulder_count: 2, ..Casing::default() };
-    let shoulders = (0..6).flat_map(|k| shoulders_of(&sound, 100 + k, false, &format!("A{k}"))).collect();
-    let set = build_reference(&built(file()), shoulders).unwrap();
+    let set = set_of(shoulders_of_all(&sound, 6));
     let (verdict, reasons, regions) = judged(&set, &file(), &sound, 7);
     assert_eq!((verdict, reasons, regions), (Verdict::Pass, Reasons::EXTRAPOLATED, vec![]));
     let cracked = Casing { cracks: vec![(1, 40..46)], shift: 3.0, ..sound.clone() };
@@ -171,7 +168,7 @@ fn another_casing_is_judged_by_a_reference() {
 #[test]
 fn every_index_finds_a_crack_beside_labelled_ones() {
     // Catches cracked places of a reference that teach what is sound.
-    let set = build_reference(&built(file()), shoulders_of(&labelled(), 1, true, "A")).unwrap();
+    let set = set_of(shoulders_of(&labelled(), 1, true, "A"));
     let casing = Casing { cracks: vec![(1, 40..46)], shift: 2.5, ..Casing::default() };
     let plan = casing.plan();
     let found = records(&casing, &plan, 9);
@@ -187,7 +184,7 @@ fn every_index_finds_a_crack_beside_labelled_ones() {
 fn directions_are_learned_where_labels_tell() {
     // Catches a direction learned from noise, and one that labels contradict and that stays.
     let casing = Casing { shifted: vec![Discriminator::Pr, Discriminator::Tau], ..labelled() };
-    let mut wrong = built(file());
+    let mut wrong = built();
     wrong.config.directions.set(Discriminator::Pr, Direction::Falls);
     wrong.config.directions.set(Discriminator::A1, Direction::Falls);
     let of = |learns_directions| {
@@ -204,7 +201,7 @@ fn directions_are_learned_where_labels_tell() {
 #[test]
 fn a_plan_without_a_condition_in_common_is_refused() {
     // Catches taps compared with those of other offsets, and a run that ends with no index at all.
-    let set = build_reference(&built(file()), shoulders_of(&Casing::default(), 1, false, "A")).unwrap();
+    let set = set_of(shoulders_of(&Casing::default(), 1, false, "A"));
     let elsewhere = Casing { offsets_mm: vec![5.0], ..Casing::default() }.plan();
     let error = Fusion::with_reference(&file(), &elsewhere, Arc::new(set.clone())).unwrap_err();
     assert!(error.to_string().contains("10 mm, 1.5 m/s") && error.to_string().contains("5 mm, 1 m/s"), "{error}");
@@ -218,17 +215,10 @@ fn a_plan_without_a_condition_in_common_is_refused() {
 fn a_reference_is_cut_to_the_locations_of_the_scan() {
     // Catches a coarse scan judged by arcs of places that it does not have.
     let both = Casing { shoulder_count: 2, ..Casing::default() };
-    let shoulders = || (0..6).flat_map(|k| shoulders_of(&both, 100 + k, false, &format!("A{k}"))).collect::<Vec<_>>();
-    let whole = build_reference(&built(file()), shoulders()).unwrap();
+    let whole = set_of(shoulders_of_all(&both, 6));
     let mut cut = whole.clone();
     for shoulder in &mut cut.shoulders {
-        let keep = |place: usize| place.is_multiple_of(2);
-        let mut place = 0;
-        let mut every_second = || {
-            place += 1;
-            keep(place - 1)
-        };
-        shoulder.locations.retain(|_| every_second());
+        shoulder.locations = shoulder.locations.iter().copied().step_by(2).collect();
         shoulder.angles_deg = shoulder.angles_deg.iter().copied().step_by(2).collect();
         for turn in &mut shoulder.turns {
             turn.velocities_measured_m_per_s = turn.velocities_measured_m_per_s.iter().copied().step_by(2).collect();
@@ -239,18 +229,13 @@ fn a_reference_is_cut_to_the_locations_of_the_scan() {
     let coarse = |tap: &&tapline_wire::PlannedTap| tap.id.location.is_multiple_of(2);
     let taps: Vec<_> = all.taps().iter().filter(coarse).copied().collect();
     let plan = Plan::new(all.geometry, all.recording.clone(), taps, all.truth().clone()).unwrap();
-    let judgement_by = |set: &ReferenceSet| {
-        let mut fusion = whole_by(&file(), &plan, Some(&Arc::new(set.clone())), &records(&both, &plan, 7));
-        let judgement = fusion.judge(0).unwrap().0;
-        (judgement.limit_re_inspect, judgement.strongest_arc)
-    };
-    assert_eq!(judgement_by(&whole), judgement_by(&cut));
+    assert_eq!(limit_and_arc(&whole, &both, &plan), limit_and_arc(&cut, &both, &plan));
 }
 
 /// `count` sound casings of two shoulders, A0, A1, ...
 fn sound(count: u64) -> Vec<KnownShoulder> {
     let casing = Casing { shoulder_count: 2, repetition_count: 1, ..Casing::default() };
-    (0..count).flat_map(|k| shoulders_of(&casing, 100 + k, false, &format!("A{k}"))).collect()
+    shoulders_of_all(&casing, count)
 }
 
 /// A casing whose shoulder 1 is cracked, `of` how many locations.
@@ -265,8 +250,7 @@ fn cracked(of: u32, with_labels: bool, serial: &str) -> Vec<KnownShoulder> {
 fn what_stands_out_of_a_reference_is_named() {
     // Catches a cracked casing that is taken to be sound because its limits were widened by itself, or by another such, one
     // cracked all round, which has no arc, and sound ones that are named.
-    let named =
-        |shoulders: Vec<KnownShoulder>| build_reference(&built(file()), shoulders).unwrap().summary.standing_out;
+    let named = |shoulders| set_of(shoulders).summary.standing_out;
     for count in [2, 3, 4, 8, 12] {
         assert!(named(sound(count)).is_empty(), "{count}");
         assert_eq!(named([sound(count), cracked(5, false, "C")].concat()), ["C"], "{count}");
@@ -289,7 +273,7 @@ fn labelled_damage_does_not_hide_damage_all_round() {
                 .map(|shoulder| KnownShoulder { is_cracked: Some(vec![false; 100]), ..shoulder })
                 .chain(cracked(of, true, serial))
                 .collect();
-            let set = build_reference(&built(file()), labelled).unwrap();
+            let set = set_of(labelled);
             let (verdict, reasons, _) = judged(&set, &file(), &all_round, 7);
             assert!(verdict != Verdict::Pass && reasons.contains(Reasons::LEVEL_OFF), "{of} {serial}: {reasons}");
         }
@@ -301,7 +285,7 @@ fn few_casings_tell_no_level() {
     // Catches a PASS that does not say that damage all round was not looked for, and a remark where it was.
     let casing = Casing { shoulder_count: 2, repetition_count: 1, ..Casing::default() };
     for count in [1, 4, 5] {
-        let set = build_reference(&built(file()), sound(count)).unwrap();
+        let set = set_of(sound(count));
         let (verdict, reasons, _) = judged(&set, &file(), &casing, 7);
         assert_eq!(
             (verdict, reasons.contains(Reasons::LEVEL_UNKNOWN)),
@@ -316,7 +300,7 @@ fn few_casings_tell_no_level() {
 #[test]
 fn a_crack_does_not_shift_the_level() {
     // Catches a level that cracked places shift: the sound shoulder beside them would differ from it, and not pass.
-    let set = Arc::new(build_reference(&built(file()), sound(8)).unwrap());
+    let set = Arc::new(set_of(sound(8)));
     for count in [10, 30, 50] {
         let cracks = vec![(1, 0..count)];
         let casing = Casing { shoulder_count: 2, repetition_count: 1, cracks, shift: 6.0, ..Casing::default() };
@@ -340,7 +324,7 @@ fn a_crack_does_not_shift_the_level() {
 #[test]
 fn the_level_is_told_as_a_multiple_of_the_reference() {
     // Catches a level beside another discriminator or turn, one of the logarithm of PR / (1 - PR), and one beside the casing itself.
-    let set = Arc::new(build_reference(&built(file()), sound(8)).unwrap());
+    let set = Arc::new(set_of(sound(8)));
     let casing = Casing { shoulder_count: 2, repetition_count: 1, ..Casing::default() };
     let plan = casing.plan();
     let level = |times: f64, config: &FuseConfig, set: Option<&Arc<ReferenceSet>>| {
@@ -370,7 +354,7 @@ fn the_level_is_told_as_a_multiple_of_the_reference() {
 fn a_casing_that_is_noisier_than_the_reference_is_compared_with_itself() {
     // Catches noise that is taken for damage, a crack that is lost in it, and sound casings that are called noisy, or are so when they
     // are quieter.
-    let set = build_reference(&built(file()), sound(8)).unwrap();
+    let set = set_of(sound(8));
     let noisy = Casing { tap_sd: 3.0, ..Casing::default() };
     let cracked = Casing { cracks: vec![(1, 40..46)], shift: 12.0, ..noisy.clone() };
     for seed in 0..10 {
@@ -393,7 +377,7 @@ fn a_casing_that_is_noisier_than_the_reference_is_compared_with_itself() {
 fn damage_of_most_places_is_no_noise() {
     // Catches a scatter that damage raises: by its own casing half of both shoulders is no damage. And a reference whose cracks are known
     // and that does not tell noise any more.
-    let set = build_reference(&built(file()), sound(8)).unwrap();
+    let set = set_of(sound(8));
     let casing = Casing { shoulder_count: 2, repetition_count: 1, shift: 6.0, ..Casing::default() };
     for count in [30, 50, 75] {
         let cracked = Casing { cracks: vec![(1, 0..count), (2, 0..count)], ..casing.clone() };
@@ -407,7 +391,7 @@ fn damage_of_most_places_is_no_noise() {
         assert!(told <= 2, "{count}: {told} of 10");
     }
     let labelled = (0..4).flat_map(|n| cracked(60, true, &format!("C{n}"))).collect();
-    let set = build_reference(&built(file()), labelled).unwrap();
+    let set = set_of(labelled);
     for seed in 0..5 {
         let (verdict, reasons, _) = judged(&set, &file(), &Casing { tap_sd: 3.0, ..casing.clone() }, seed);
         assert!(verdict == Verdict::ReInspect && reasons.contains(Reasons::SCATTER_OFF), "{seed}: {verdict} {reasons}");

@@ -2,12 +2,11 @@
 
 use faer::Mat;
 use faer::linalg::solvers::Solve as _;
-use statrs::distribution::{ContinuousCDF as _, FisherSnedecor};
 use tapline_wire::Discriminator;
 
 use crate::index::Setup;
 use crate::shoulder::{Shoulder, Turn, value_of};
-use crate::stats::median;
+use crate::stats::{self, median};
 
 /// Independent of the microphone's gain.
 const FREE_OF_GAIN: [Discriminator; 3] = [Discriminator::FMax, Discriminator::Tau, Discriminator::Pr];
@@ -178,5 +177,5 @@ fn distance(covariance: &Mat<f64>, x: &[f64]) -> Option<f64> {
 }
 
 fn f_tail(f: f64, p: f64, q: f64) -> Option<f64> {
-    (f.is_finite() && f >= 0.0).then(|| FisherSnedecor::new(p, q).ok().map(|of| of.sf(f)))?
+    (f.is_finite() && f >= 0.0).then(|| stats::f_tail(f, p, q)).filter(|tail| !tail.is_nan())
 }

@@ -16,7 +16,7 @@ use rand_distr::{Distribution, StandardNormal, Uniform};
 use serde::{Deserialize, Serialize};
 use tapline_host::progress::{Progress, Unit};
 use tapline_process::{Extractor, ProcessConfig, QualityConfig, Real};
-use tapline_wire::{Channel, ChannelHeader, Discriminator, SampleFormat, Samples, TapHeader};
+use tapline_wire::{Channel, Discriminator, Samples, TapHeader};
 
 use page::markdown;
 
@@ -175,15 +175,8 @@ fn extract<T: Real>(
     rate_hz: u32,
     pre_trigger_samples: u32,
 ) -> Result<tapline_wire::Values> {
-    let mut header = TapHeader {
-        sample_rate_hz: f64::from(rate_hz),
-        pre_trigger_samples,
-        sample_count: u32::try_from(samples.len())?,
-        sample_format: SampleFormat::F32.code(),
-        channel_count: 1,
-        ..TapHeader::default()
-    };
-    header.channels[0] = ChannelHeader { code: kind.code(), unit_per_count: 1.0, ..ChannelHeader::default() };
+    let sample_count = u32::try_from(samples.len())?;
+    let header = TapHeader::in_units(f64::from(rate_hz), pre_trigger_samples, sample_count, &[kind]);
     Ok(extractor.extract(&header, Samples::F32(samples)).values)
 }
 

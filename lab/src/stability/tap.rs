@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use tapline_process::{Extractor, ProcessConfig};
-use tapline_wire::{Channel, ChannelHeader, Discriminators, SampleFormat, Samples, TapHeader, TapId};
+use tapline_wire::{Channel, Discriminators, Samples, TapHeader, TapId};
 
 /// Samples per second.
 pub(crate) const RATE_HZ: f64 = 40_960.0;
@@ -58,22 +58,15 @@ impl Tap {
         let numbers = self.force_n.iter().chain(&self.sound_v);
         #[expect(clippy::cast_possible_truncation, reason = "samples as a converter gives them")]
         let samples: Vec<f32> = numbers.map(|&x| x as f32).collect();
+        let sample_count = u32::try_from(self.force_n.len()).unwrap_or(0);
         let mut header = TapHeader {
-            sample_rate_hz: self.rate_hz,
-            pre_trigger_samples: self.pre_trigger_samples,
-            sample_count: u32::try_from(self.force_n.len()).unwrap_or(0),
-            sample_format: SampleFormat::F32.code(),
-            channel_count: 2,
             microphone_distance_m: DISTANCE_M,
-            ..TapHeader::default()
+            ..TapHeader::in_units(self.rate_hz, self.pre_trigger_samples, sample_count, &Channel::BOTH)
         };
         if let Some((planned, measured)) = self.velocity_m_per_s {
             header.id = TapId::default().with_velocity_m_per_s(Some(planned)).unwrap_or_default();
             header.velocity_nominal_m_per_s = planned;
             header.velocity_measured_m_per_s = measured;
-        }
-        for (channel, header) in Channel::BOTH.into_iter().zip(&mut header.channels) {
-            *header = ChannelHeader { code: channel.code(), unit_per_count: 1.0, ..Default::default() };
         }
         // The default configuration is one that can be worked with, and the only one that is used without a check.
         let extractor = Extractor::<f64>::new(config).or_else(|_| Extractor::new(&ProcessConfig::default()));

@@ -4,9 +4,7 @@ use hdf5::types::FixedUnicode;
 use tapline_fuse::{Direction, FuseConfig, Reference};
 use tapline_process::{Extractor, ProcessConfig};
 use tapline_store::{Error, Lineage, Reader, Writer};
-use tapline_wire::{
-    Channel, ChannelHeader, Discriminator, Geometry, Plan, Recording, SampleFormat, Samples, TapHeader, Truth,
-};
+use tapline_wire::{Channel, Discriminator, Geometry, Plan, Recording, SampleFormat, Samples, TapHeader, Truth};
 
 use crate::stability::scatter::{Normal, judge, mean, naive_eq_55, planned, records, ring_plan, sd, tyre};
 
@@ -83,15 +81,7 @@ fn power_ratio(f_c_hz: f64, normal: &mut Normal) -> f64 {
     };
     let samples: Vec<f32> =
         (0..8192).map(|k| (ring((f64::from(k) - 512.0) / 40_960.0) + 2e-3 * normal.next()) as f32).collect();
-    let mut header = TapHeader {
-        sample_rate_hz: 40_960.0,
-        pre_trigger_samples: 512,
-        sample_count: 8192,
-        sample_format: SampleFormat::F32.code(),
-        channel_count: 1,
-        ..TapHeader::default()
-    };
-    header.channels[0] = ChannelHeader { code: Channel::Sound.code(), unit_per_count: 1.0, ..Default::default() };
+    let header = TapHeader::in_units(40_960.0, 512, 8192, &[Channel::Sound]);
     let config = ProcessConfig { f_c_hz, ..ProcessConfig::default() };
     let found = Extractor::<f64>::new(&config).unwrap().extract(&header, Samples::F32(&samples));
     found.values.get(Discriminator::Pr).unwrap()

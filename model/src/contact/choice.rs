@@ -4,10 +4,7 @@ use std::fmt;
 
 use crate::contact::compliance::{Compliance, bound_of_stiffening};
 use crate::error::within;
-use crate::{
-    ClosedForm, Contact, ContactModel as _, DampedContact, DampingLaw, DomainCheck, Error, FullMotion, Impact,
-    IntegralTable, PlateMotion, Rung, Scene,
-};
+use crate::{Contact, DampedContact, DampingLaw, DomainCheck, Error, Impact, Rung, Scene};
 
 /// A contact on the cheapest rung that is known to be accurate enough, and why that rung was chosen.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -77,16 +74,15 @@ pub fn choose(scene: &Scene, law: DampingLaw, tolerance: f64) -> Result<Choice, 
     let chi = law.chi(scene.restitution)?;
     let damped = DampedContact::new(chi)?;
     let full = Impact { chi, ..Impact::full(scene)? };
-    let closed = ClosedForm.contact(scene)?;
-    let integral = IntegralTable::scaled(law, scene, scene.k_c_n_per_m1_5(), 1.0 / scene.mass_factor_per_kg(), &damped);
+    let closed = Rung::Closed.contact(scene, law)?;
+    let integral = Contact::integral(law, scene, scene.k_c_n_per_m1_5(), 1.0 / scene.mass_factor_per_kg(), &damped);
     // The full rung with a rigid layer: its K_c is the baseline's, and its target does not move.
-    let rigid = IntegralTable::scaled(law, scene, full.k_c_n_per_m1_5, full.mass_kg, &damped);
+    let rigid = Contact::integral(law, scene, full.k_c_n_per_m1_5, full.mass_kg, &damped);
     let bounds = bounds(scene, &full, &damped, closed.error_against(&rigid), integral.error_against(&rigid));
-    let contact = match Rung::ALL.into_iter().find(|&rung| bounds.of(rung) <= tolerance) {
-        Some(Rung::Closed) => closed,
-        Some(Rung::Integral) => integral,
-        Some(Rung::Plate) => PlateMotion { law }.contact(scene)?,
-        Some(Rung::Full) | None => FullMotion { law }.contact(scene)?,
+    let contact = match Rung::ALL.into_iter().find(|&rung| bounds.of(rung) <= tolerance).unwrap_or(Rung::Full) {
+        Rung::Closed => closed,
+        Rung::Integral => integral,
+        rung @ (Rung::Plate | Rung::Full) => rung.contact(scene, law)?,
     };
     Ok(Choice { contact, tolerance, bounds, is_measured: false })
 }

@@ -31,7 +31,7 @@ fn choices_keep_their_word() {
         let law =
             [DampingLaw::Exact, DampingLaw::Exact, DampingLaw::Gonthier, DampingLaw::LankaraniNikravesh][number % 4];
         let choice = choose(&scene, law, tolerance).unwrap();
-        let truth = FullMotion { law }.contact(&scene).unwrap();
+        let truth = Rung::Full.contact(&scene, law).unwrap();
         let rung = choice.contact.rung;
         let error = choice.contact.error_against(&truth);
         assert!(error <= choice.bounds.of(rung), "{rung} is off by {error}: {choice} in {scene:?}");

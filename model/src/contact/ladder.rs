@@ -1,4 +1,4 @@
-//! The ladder: four models of the same contact behind one trait, each more expensive and more accurate than the one before.
+//! The ladder: four models of the same contact, each more expensive and more accurate than the one before.
 
 use crate::contact::rung::Rung;
 use crate::{DampedContact, DampingLaw, Error, Flags, Impact, Outcome, Scene, defect_contact};
@@ -7,13 +7,25 @@ impl Rung {
     /// The contact of `scene` on this rung, with damping after `law`; the closed form has no damping to choose.
     ///
     /// # Errors
-    /// As [`ContactModel::contact`].
+    /// [`Error::OutOfRange`] if a quantity of the scene is outside its bounds; [`Error::TooStiff`] if an integration does not
+    /// end.
     pub fn contact(self, scene: &Scene, law: DampingLaw) -> Result<Contact, Error> {
         match self {
-            Self::Closed => ClosedForm.contact(scene),
-            Self::Integral => IntegralTable { law }.contact(scene),
-            Self::Plate => PlateMotion { law }.contact(scene),
-            Self::Full => FullMotion { law }.contact(scene),
+            Self::Closed => Contact::closed(scene),
+            Self::Integral => {
+                scene.validate()?;
+                let contact = DampedContact::new(law.chi(scene.restitution)?)?;
+                let mass_kg = 1.0 / scene.mass_factor_per_kg();
+                Ok(Contact::integral(law, scene, scene.k_c_n_per_m1_5(), mass_kg, &contact))
+            }
+            Self::Plate => {
+                let impact = Impact { chi: law.chi(scene.restitution)?, ..Impact::plate(scene)? };
+                Ok(Contact::from_outcome(self, law, scene, &impact.outcome()?))
+            }
+            Self::Full => {
+                let impact = Impact { chi: law.chi(scene.restitution)?, ..Impact::full(scene)? };
+                Ok(Contact::from_outcome(self, law, scene, &impact.outcome()?))
+            }
         }
     }
 }
@@ -53,47 +65,10 @@ impl Contact {
         [self.f_max_n, self.contact_time_s, self.d_max_m, self.restitution]
     }
 
-    fn from_outcome(rung: Rung, law: DampingLaw, scene: &Scene, outcome: &Outcome) -> Self {
-        Self {
-            rung,
-            f_max_n: outcome.f_max_n,
-            contact_time_s: outcome.contact_time_s,
-            d_max_m: outcome.d_max_m,
-            restitution: outcome.restitution,
-            flags: Flags::new(rung, law, scene, outcome.alpha_max_m, outcome.deflection_max_m),
-        }
-    }
-}
-
-/// A model of the contact between impactor and casing.
-pub trait ContactModel {
-    /// Which step of the ladder it is.
-    fn rung(&self) -> Rung;
-
-    /// The contact of `scene`.
-    ///
-    /// # Errors
-    /// [`Error::OutOfRange`] if a quantity of the scene is outside its bounds; [`Error::TooStiff`] if an integration does not
-    /// end.
-    fn contact(&self, scene: &Scene) -> Result<Contact, Error>;
-}
-
-/// The closed form over a crack ([`defect_contact`]): energy balance between Hertz's contact and static bending.
-///
-/// The contact has no damping. Its restitution is 1, as tau by Eq. 20 implies: the half-sine of that duration and peak
-/// has the impulse 2 m_1 V.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct ClosedForm;
-
-impl ContactModel for ClosedForm {
-    fn rung(&self) -> Rung {
-        Rung::Closed
-    }
-
-    fn contact(&self, scene: &Scene) -> Result<Contact, Error> {
+    fn closed(scene: &Scene) -> Result<Self, Error> {
         let defect = defect_contact(scene)?;
         let bending_m = defect.f_max_n / defect.k_f_n_per_m;
-        Ok(Contact {
+        Ok(Self {
             rung: Rung::Closed,
             f_max_n: defect.f_max_n,
             contact_time_s: defect.tau_s,
@@ -102,35 +77,14 @@ impl ContactModel for ClosedForm {
             flags: Flags::new(Rung::Closed, DampingLaw::Exact, scene, defect.alpha_max_m, bending_m),
         })
     }
-}
 
-/// The damped contact of a casing without a crack, from the table of [`DampedContact`]; the target moves as a free body.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct IntegralTable {
-    /// How the damping follows from the wanted restitution.
-    pub law: DampingLaw,
-}
-
-impl ContactModel for IntegralTable {
-    fn rung(&self) -> Rung {
-        Rung::Integral
-    }
-
-    fn contact(&self, scene: &Scene) -> Result<Contact, Error> {
-        scene.validate()?;
-        let contact = DampedContact::new(self.law.chi(scene.restitution)?)?;
-        Ok(Self::scaled(self.law, scene, scene.k_c_n_per_m1_5(), 1.0 / scene.mass_factor_per_kg(), &contact))
-    }
-}
-
-impl IntegralTable {
     /// `contact` in SI units, for a body of mass `m` and contact stiffness `k` in `scene`.
-    pub(crate) fn scaled(law: DampingLaw, scene: &Scene, k: f64, m: f64, contact: &DampedContact) -> Contact {
+    pub(crate) fn integral(law: DampingLaw, scene: &Scene, k: f64, m: f64, contact: &DampedContact) -> Self {
         let v = scene.velocity_m_per_s;
         let length_m = (m * v * v / k).powf(0.4);
         let f_max_n = contact.f_max * m * v * v / length_m;
         let alpha_max_m = contact.alpha_max * length_m;
-        Contact {
+        Self {
             rung: Rung::Integral,
             f_max_n,
             contact_time_s: contact.contact_time * length_m / v,
@@ -140,43 +94,16 @@ impl IntegralTable {
             flags: Flags::new(Rung::Integral, law, scene, alpha_max_m, f_max_n / scene.k_f_n_per_m()),
         }
     }
-}
 
-/// The plate above the crack, integrated in time, with inertia, damping, loss of contact and further contacts
-/// ([`Impact::plate`]).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct PlateMotion {
-    /// How the damping follows from the wanted restitution.
-    pub law: DampingLaw,
-}
-
-impl ContactModel for PlateMotion {
-    fn rung(&self) -> Rung {
-        Rung::Plate
-    }
-
-    fn contact(&self, scene: &Scene) -> Result<Contact, Error> {
-        let impact = Impact { chi: self.law.chi(scene.restitution)?, ..Impact::plate(scene)? };
-        Ok(Contact::from_outcome(Rung::Plate, self.law, scene, &impact.outcome()?))
-    }
-}
-
-/// The plate, integrated in time, softened by shear and stiffened by its membrane ([`Impact::full`]): the top of the
-/// ladder.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct FullMotion {
-    /// How the damping follows from the wanted restitution.
-    pub law: DampingLaw,
-}
-
-impl ContactModel for FullMotion {
-    fn rung(&self) -> Rung {
-        Rung::Full
-    }
-
-    fn contact(&self, scene: &Scene) -> Result<Contact, Error> {
-        let impact = Impact { chi: self.law.chi(scene.restitution)?, ..Impact::full(scene)? };
-        Ok(Contact::from_outcome(Rung::Full, self.law, scene, &impact.outcome()?))
+    fn from_outcome(rung: Rung, law: DampingLaw, scene: &Scene, outcome: &Outcome) -> Self {
+        Self {
+            rung,
+            f_max_n: outcome.f_max_n,
+            contact_time_s: outcome.contact_time_s,
+            d_max_m: outcome.d_max_m,
+            restitution: outcome.restitution,
+            flags: Flags::new(rung, law, scene, outcome.alpha_max_m, outcome.deflection_max_m),
+        }
     }
 }
 

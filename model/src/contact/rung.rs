@@ -8,13 +8,20 @@ use serde::Deserialize;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Rung {
-    /// The dissertation's closed form over a crack, see [`ClosedForm`](crate::ClosedForm).
+    /// The dissertation's closed form over a crack ([`defect_contact`](crate::defect_contact)): energy balance between Hertz's
+    /// contact and static bending.
+    ///
+    /// The contact has no damping. Its restitution is 1, as tau by Eq. 20 implies: the half-sine of that duration and peak
+    /// has the impulse 2 m_1 V.
     Closed,
-    /// The damped contact of a casing without a crack, see [`IntegralTable`](crate::IntegralTable).
+    /// The damped contact of a casing without a crack, from the table of [`DampedContact`](crate::DampedContact); the target
+    /// moves as a free body.
     Integral,
-    /// The plate above the crack, integrated in time, see [`PlateMotion`](crate::PlateMotion).
+    /// The plate above the crack, integrated in time, with inertia, damping, loss of contact and further contacts
+    /// ([`Impact::plate`](crate::Impact::plate)).
     Plate,
-    /// The same with shear and membrane, see [`FullMotion`](crate::FullMotion).
+    /// The plate, integrated in time, softened by shear and stiffened by its membrane
+    /// ([`Impact::full`](crate::Impact::full)): the top of the ladder.
     Full,
 }
 

@@ -10,7 +10,7 @@ mod shoulders;
 mod tap;
 mod taps;
 
-use tapline_wire::{Channel, ChannelHeader, SampleFormat, TapHeader, TapId};
+use tapline_wire::{Channel, SampleFormat, TapHeader, TapId};
 
 const RATE_HZ: f64 = 40_960.0;
 
@@ -24,18 +24,14 @@ fn header(
 ) -> TapHeader {
     let mut header = TapHeader {
         id: TapId::default().with_velocity_m_per_s(Some(velocity.0)).unwrap(),
-        sample_rate_hz: RATE_HZ,
         velocity_nominal_m_per_s: velocity.0,
         velocity_measured_m_per_s: velocity.1,
-        pre_trigger_samples,
-        sample_count: count,
         planned_sample_count: count,
         sample_format: format.code(),
-        channel_count: 2,
-        ..TapHeader::default()
+        ..TapHeader::in_units(RATE_HZ, pre_trigger_samples, count, &Channel::BOTH)
     };
-    for ((slot, kind), unit_per_count) in header.channels.iter_mut().zip(Channel::BOTH).zip(units) {
-        *slot = ChannelHeader { code: kind.code(), unit_per_count, reserved: 0 };
+    for (channel, unit_per_count) in header.channels.iter_mut().zip(units) {
+        channel.unit_per_count = unit_per_count;
     }
     header
 }

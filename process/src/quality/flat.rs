@@ -8,7 +8,7 @@ const RUN: usize = 3;
 /// Differences below this fraction of the greatest one are rounding of single precision.
 const GRID: f64 = 1e-5;
 /// The lesser extreme counts only if it reaches this fraction of the greater: the silence between impacts is flat too.
-pub(crate) const SHARE: f64 = 0.3;
+const SHARE: f64 = 0.3;
 /// Spread of a flat top under noise, from its lowest to its highest sample, in standard deviations of the noise.
 const BAND_SIGMAS: f64 = 6.0;
 /// Where that spread exceeds this fraction of the extreme, noise hides whether the top is flat.
@@ -43,7 +43,7 @@ pub(crate) fn is_clipped<C: Count>(samples: &[C], extent: Extent<C>, base: f64, 
 }
 
 /// Whether `level` is so far from `base` that the signal may be cut off there.
-fn is_extreme<C: Count>(level: C, extent: Extent<C>, base: f64) -> bool {
+pub(super) fn is_extreme<C: Count>(level: C, extent: Extent<C>, base: f64) -> bool {
     let (above, below) = (extent.largest.into() - base, base - extent.least.into());
     let greater = if above > below { above } else { below };
     (level.into() - base).abs() >= SHARE * greater

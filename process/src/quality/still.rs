@@ -1,6 +1,6 @@
 //! Dropouts: stretches of one value in a channel whose noise never stays constant for so long.
 
-use super::flat::SHARE;
+use super::flat::is_extreme;
 use crate::signal::extent::Extent;
 use crate::signal::record::Count;
 use crate::signal::wide::Kernel;
@@ -25,8 +25,6 @@ const PROBES: usize = 16;
 /// A run at an extreme is not a dropout but clipping.
 pub(crate) fn stands_still<C: Count>(samples: &[C], extent: Extent<C>, base: f64, quiet_count: usize) -> bool {
     let quiet = &samples[..quiet_count.min(QUIET_MAX).min(samples.len())];
-    let (above, below) = (extent.largest.into() - base, base - extent.least.into());
-    let extreme = SHARE * if above > below { above } else { below };
     let (probes, _) = samples.as_chunks::<PROBE>();
     let (mut next, mut unexplained) = (0, None);
     while let Some(number) = (Still { probes, from: next }).wide() {
@@ -37,7 +35,7 @@ pub(crate) fn stands_still<C: Count>(samples: &[C], extent: Extent<C>, base: f64
         // All probes until then are of this run, which has this one at least.
         next = after.div_ceil(PROBE).max(number + 1);
         let is_end = level == extent.largest || level == extent.least;
-        let is_clipped = is_end && (level.into() - base).abs() >= extreme;
+        let is_clipped = is_end && is_extreme(level, extent, base);
         // Few channels have so long a run, and only for theirs it matters how often the noise repeats a sample.
         if after - from >= RUN_MIN && !is_clipped {
             let Some(run_min) = *unexplained.get_or_insert_with(|| unexplained_run(quiet)) else { return false };

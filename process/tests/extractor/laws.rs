@@ -171,23 +171,19 @@ fn bad_channels_take_only_their_own_values() {
         let found = Extractor::<f32>::new(&case.config()).unwrap().extract(&header, Samples::F32(&samples));
         (values(&found).map(|value| u8::from(value.is_some())), found.quality)
     };
-    let both = |a: Quality, b: Quality| Quality::from_bits_retain(a.bits() | b.bits());
     assert_eq!(present(&|_, _| {}), ([1; Discriminator::COUNT], Quality::default()));
     assert_eq!(
         present(&|_, x| x[..n].fill(0.0)),
-        (only(&[Feature::SoundSpectrum]), both(Quality::NO_FORCE, Quality::NO_PULSE))
+        (only(&[Feature::SoundSpectrum]), Quality::NO_FORCE | Quality::NO_PULSE)
     );
-    assert_eq!(
-        present(&|_, x| x[n..].fill(0.25)),
-        (only(&[Feature::Pulse]), both(Quality::NO_SOUND, Quality::NO_ONSET))
-    );
+    assert_eq!(present(&|_, x| x[n..].fill(0.25)), (only(&[Feature::Pulse]), Quality::NO_SOUND | Quality::NO_ONSET));
     assert_eq!(present(&|_, x| x[5000] = f32::NAN), (only(&[Feature::SoundSpectrum]), Quality::NON_FINITE));
     assert_eq!(present(&|_, x| x[n + 5000] = f32::INFINITY), (only(&[Feature::Pulse]), Quality::NON_FINITE));
     assert_eq!(
         present(&|h, _| h.channels[1].unit_per_count = f64::NAN),
         (only(&[Feature::Pulse]), Quality::NON_FINITE)
     );
-    assert_eq!(present(&|h, _| h.channels[1].unit_per_count = 0.0).1, both(Quality::NO_SOUND, Quality::NO_ONSET));
+    assert_eq!(present(&|h, _| h.channels[1].unit_per_count = 0.0).1, Quality::NO_SOUND | Quality::NO_ONSET);
     assert_eq!(
         present(&|h, _| h.channels[0].unit_per_count = 0.0),
         (only(&[Feature::SoundSpectrum]), Quality::NO_PULSE)

@@ -4,9 +4,9 @@
 
 use std::f64::consts::{PI, TAU};
 
-use tapline_wire::{SampleFormat, TapHeader, TapId};
+use tapline_wire::{Channel, SampleFormat, TapHeader, TapId};
 
-use crate::plant::{Tap, header, noise};
+use crate::plant::{Tap, noise, peak};
 
 /// Uniform numbers in [0, 1), determined by `seed`.
 fn dice(seed: usize) -> impl FnMut() -> f64 {
@@ -57,9 +57,8 @@ pub(crate) fn tap(k: usize) -> Tap {
     let n = count as usize;
     let force: Vec<f64> = (0..n).map(|i| f_max_n * pulse(at(i))).collect();
     let sound: Vec<f64> = (0..n).map(|i| ringing(at(i) - distance_m / 343.0)).collect();
-    let level_of = |channel: &[f64]| channel.iter().fold(0.0, |a: f64, x| if x.abs() > a { x.abs() } else { a });
     // The converter: 16-bit counts, newtons and volts as floats, or fractions of an unknown full scale.
-    let (force_peak, sound_peak) = (level_of(&force), level_of(&sound));
+    let (force_peak, sound_peak) = (peak(&force), peak(&sound));
     let full_scale = [Some(222.0), None][k / 24 % 2];
     let (force_gain, force_unit) = match (format, full_scale) {
         (SampleFormat::I16, Some(full)) => (32_768.0 / full, full / 32_768.0),
@@ -77,7 +76,8 @@ pub(crate) fn tap(k: usize) -> Tap {
         velocity_measured_m_per_s: velocity_m_per_s * between(0.98, 1.02),
         velocity_nominal_m_per_s: velocity_m_per_s,
         microphone_distance_m: distance_m,
-        ..header(rate_hz, pre_trigger_samples, count, format)
+        sample_format: format.code(),
+        ..TapHeader::in_units(rate_hz, pre_trigger_samples, count, &Channel::BOTH)
     };
     header.channels[0].unit_per_count = force_unit;
     header.channels[1].unit_per_count = 1.0 / full;

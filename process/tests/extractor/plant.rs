@@ -8,7 +8,7 @@ use tapline_model::SimulationConfig;
 use tapline_wire::Quality;
 
 use crate::other_rig;
-pub(crate) use crate::tap::{Tap, header, peak};
+pub(crate) use crate::tap::{Tap, peak};
 use crate::tap::{rig_with_tyres, tap_on};
 
 pub(crate) const N: usize = 16_384;

@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use tapline_process::{Precision, ProcessConfig, ProcessExtractor, without_avx512};
-use tapline_wire::{Channel, ChannelHeader, Quality, SampleFormat, Samples, TapHeader};
+use tapline_wire::{Channel, Quality, Samples, TapHeader};
 
 use crate::reference::CASES;
 use crate::signal::{Case, assert_close, values};
@@ -52,16 +52,7 @@ fn a_faint_band_beside_a_loud_sound() {
                 if k < 512 { 0.0 } else { (loud + ring) as f32 }
             })
             .collect();
-        let mut header = TapHeader {
-            sample_rate_hz: 40_960.0,
-            pre_trigger_samples: 512,
-            sample_count: count,
-            sample_format: SampleFormat::F32.code(),
-            channel_count: 1,
-            ..TapHeader::default()
-        };
-        header.channels[0] =
-            ChannelHeader { code: Channel::Sound.code(), unit_per_count: 1.0, ..ChannelHeader::default() };
+        let header = TapHeader::in_units(40_960.0, 512, count, &[Channel::Sound]);
         let extract = |precision| {
             let config = ProcessConfig { precision, ..ProcessConfig::default() };
             ProcessExtractor::new(&config).unwrap().extract(&header, Samples::F32(&samples))

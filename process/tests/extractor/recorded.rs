@@ -1,9 +1,9 @@
 //! Quality flags of recordings that are stored beside the repository.
 
 use tapline_process::{Extractor, ProcessConfig};
-use tapline_wire::{Quality, SampleFormat, Samples};
+use tapline_wire::{Channel, Quality, Samples, TapHeader};
 
-use crate::plant::{Flags, N, RATE_HZ, TAPS, Tap, header, peak};
+use crate::plant::{Flags, N, RATE_HZ, TAPS, Tap, peak};
 use crate::signal::values;
 
 /// Contents of a recording beside the repository; `None` if it is not there.
@@ -52,7 +52,7 @@ fn the_recorded_bad_impact_is_refused_for_the_right_reasons() {
     let samples: Vec<f32> = ["Time_chan_1", "Time_chan_2"].iter().flat_map(|name| matlab_array(&file, name)).collect();
     assert_eq!(samples.len(), 2 * 4096);
     for pre_trigger_samples in [0, 100] {
-        let header = header(1280.0, pre_trigger_samples, 4096, SampleFormat::F32);
+        let header = TapHeader::in_units(1280.0, pre_trigger_samples, 4096, &Channel::BOTH);
         let found = Extractor::<f64>::new(&ProcessConfig::default()).unwrap().extract(&header, Samples::F32(&samples));
         assert!(found.quality.contains(Quality::UNDERSAMPLED), "{}", found.quality);
         assert!(found.quality.contains(Quality::LATE_TRIGGER), "{}", found.quality);

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use tapline_process::{Extractor, ProcessConfig, Real};
 use tapline_testing::noise::Noise;
-use tapline_wire::{Channel, ChannelHeader, Discriminator, Discriminators, SampleFormat, Samples, TapHeader};
+use tapline_wire::{Channel, Discriminator, Discriminators, SampleFormat, Samples, TapHeader};
 
 /// A tap with the settings of its extraction; the fields are those of the script.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -101,24 +101,18 @@ impl Case {
     }
 
     pub(crate) fn header(&self) -> TapHeader {
-        let force = (Channel::Force, self.force_unit);
-        let sound = (Channel::Sound, self.sound_unit);
-        let channels = match (self.has_force, self.sound_first) {
-            (false, _) => vec![sound],
-            (true, false) => vec![force, sound],
-            (true, true) => vec![sound, force],
+        let kinds: &[Channel] = match (self.has_force, self.sound_first) {
+            (false, _) => &[Channel::Sound],
+            (true, false) => &[Channel::Force, Channel::Sound],
+            (true, true) => &[Channel::Sound, Channel::Force],
         };
         let mut header = TapHeader {
-            sample_rate_hz: self.rate,
             microphone_distance_m: self.distance,
-            pre_trigger_samples: self.p,
-            sample_count: self.count,
             sample_format: if self.is_i16 { SampleFormat::I16 } else { SampleFormat::F32 }.code(),
-            channel_count: channels.len() as u32,
-            ..TapHeader::default()
+            ..TapHeader::in_units(self.rate, self.p, self.count, kinds)
         };
-        for (slot, (kind, unit_per_count)) in header.channels.iter_mut().zip(channels) {
-            *slot = ChannelHeader { code: kind.code(), unit_per_count, ..ChannelHeader::default() };
+        for (channel, kind) in header.channels.iter_mut().zip(kinds) {
+            channel.unit_per_count = if *kind == Channel::Force { self.force_unit } else { self.sound_unit };
         }
         header
     }

@@ -2,7 +2,7 @@
 
 use tapline_model::{SimulatedRig, SimulatedTap, SimulatedTyre, SimulationConfig, plant_cracks};
 use tapline_process::{ProcessConfig, ProcessExtractor};
-use tapline_wire::{Channel, ChannelHeader, Discriminators, Quality, SampleFormat, Samples, TapHeader, TapId};
+use tapline_wire::{Channel, Discriminators, Quality, SampleFormat, Samples, TapHeader, TapId};
 
 /// A tap with its two channels in counts.
 #[derive(Debug, Clone)]
@@ -63,26 +63,6 @@ pub(crate) fn peak(channel: &[f64]) -> f64 {
     channel.iter().fold(0.0, |a, x| if x.abs() > a { x.abs() } else { a })
 }
 
-pub(crate) fn header(
-    sample_rate_hz: f64,
-    pre_trigger_samples: u32,
-    sample_count: u32,
-    format: SampleFormat,
-) -> TapHeader {
-    let mut header = TapHeader {
-        sample_rate_hz,
-        pre_trigger_samples,
-        sample_count,
-        sample_format: format.code(),
-        channel_count: 2,
-        ..TapHeader::default()
-    };
-    for (slot, kind) in header.channels.iter_mut().zip(Channel::BOTH) {
-        *slot = ChannelHeader { code: kind.code(), unit_per_count: 1.0, reserved: 0 };
-    }
-    header
-}
-
 /// The rig of `config` with four sound and four cracked tyres.
 pub(crate) fn rig_with_tyres(config: &SimulationConfig, seed: u64) -> SimulatedRig {
     let tyre = |k: u32| {
@@ -112,7 +92,8 @@ pub(crate) fn tap_on(rig: &mut SimulatedRig, k: u32) -> Tap {
         velocity_measured_m_per_s: rig.render(&tap, &mut samples).velocity_measured_m_per_s,
         velocity_nominal_m_per_s: velocity_m_per_s,
         microphone_distance_m: config.microphone_distance_m,
-        ..header(config.sample_rate_hz, config.pre_trigger_samples, config.sample_count, SampleFormat::I16)
+        sample_format: SampleFormat::I16.code(),
+        ..TapHeader::in_units(config.sample_rate_hz, config.pre_trigger_samples, config.sample_count, &Channel::BOTH)
     };
     header.channels[0].unit_per_count = config.force_full_scale_n / 32_768.0;
     header.channels[1].unit_per_count = config.sound_full_scale_v / 32_768.0;

@@ -4,7 +4,7 @@ pub(super) mod condition;
 pub(super) mod samples;
 pub(super) mod spectra;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use anyhow::Result;
@@ -141,7 +141,7 @@ impl Evidence {
         let mut fusion = fusion_of(reader, &config.fuse, reference.clone())?;
         let tap = |row: u32, places: &Places| {
             let planned = &plan.taps()[row as usize];
-            let place = if planned.is_closing() { places.end() } else { places.at(planned.id.location) };
+            let place = if planned.is_closing() { places.end } else { places.at(planned.id.location) };
             Tap {
                 row,
                 location: planned.id.location,
@@ -274,10 +274,6 @@ impl Places {
     fn at(&self, location: u32) -> f64 {
         self.places.get(&location).copied().unwrap_or(if self.is_round { self.end } else { f64::from(location) })
     }
-
-    fn end(&self) -> f64 {
-        self.end
-    }
 }
 
 impl Tyre {
@@ -297,11 +293,8 @@ impl Tyre {
     }
 
     /// The stations that made its taps, ascending.
-    pub(crate) fn stations(&self) -> Vec<u16> {
-        let mut stations: Vec<u16> = self.shoulders.iter().map(|shoulder| shoulder.station).collect();
-        stations.sort_unstable();
-        stations.dedup();
-        stations
+    pub(crate) fn stations(&self) -> BTreeSet<u16> {
+        self.shoulders.iter().map(|shoulder| shoulder.station).collect()
     }
 
     /// The strongest arc of its shoulders, which the limits apply to.

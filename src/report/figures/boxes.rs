@@ -9,7 +9,7 @@ use tapline_wire::Discriminator;
 use crate::report::evidence::condition::location_means;
 use crate::report::evidence::{Evidence, Shoulder, Tyre};
 use crate::report::figures::axis::Axis;
-use crate::report::figures::chart::{exponent_of, scaled_unit};
+use crate::report::figures::chart::scaled;
 use crate::report::figures::small::Small;
 
 /// Half the width of a box, as a fraction of its column.
@@ -58,12 +58,10 @@ fn picture(name: &str, unit: &str, classes: &Classes) -> Result<Option<String>> 
     let Some(extremes) = extent(pooled).filter(|_| !classes.sound.is_empty() && !classes.cracked.is_empty()) else {
         return Ok(None);
     };
-    let exponent = exponent_of(unit, extremes);
-    let scale = 10f64.powi(-exponent);
-    let unit = scaled_unit(exponent, unit);
+    let (scale, label) = scaled(name, unit, extremes);
     let small = Small {
         title: name.to_owned(),
-        label: if unit.is_empty() { name.to_owned() } else { format!("{name}, {unit}") },
+        label,
         columns: vec![format!("sound {}", classes.sound.len()), format!("cracked {}", classes.cracked.len())],
         y: Axis::around("", (extremes.0 * scale, extremes.1 * scale), 5),
     };

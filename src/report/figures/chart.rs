@@ -180,7 +180,7 @@ pub(crate) fn band(chart: &mut Chart<'_, '_>, (low, high): Point, color: RGBACol
 
 /// An exponent of ten, a multiple of three, that leaves values in `unit` between `low` and `high` with few digits; 0
 /// for numbers without a unit.
-pub(crate) fn exponent_of(unit: &str, (low, high): Point) -> i32 {
+fn exponent_of(unit: &str, (low, high): Point) -> i32 {
     let greatest = if high.abs() > low.abs() { high.abs() } else { low.abs() };
     if unit.is_empty() || !(greatest.is_finite() && greatest > 0.0) {
         return 0;
@@ -189,8 +189,15 @@ pub(crate) fn exponent_of(unit: &str, (low, high): Point) -> i32 {
     if (0..=3).contains(&exponent) { 0 } else { exponent }
 }
 
+/// What values of `name` in `unit` between `extremes` are multiplied by to have few digits, and the label of their axis.
+pub(crate) fn scaled(name: &str, unit: &str, extremes: Point) -> (f64, String) {
+    let exponent = exponent_of(unit, extremes);
+    let unit = scaled_unit(exponent, unit);
+    (10f64.powi(-exponent), if unit.is_empty() { name.to_owned() } else { format!("{name}, {unit}") })
+}
+
 /// `unit` multiplied by a power of ten, as text: "10⁻⁶ V²/Hz".
-pub(crate) fn scaled_unit(exponent: i32, unit: &str) -> String {
+fn scaled_unit(exponent: i32, unit: &str) -> String {
     if exponent == 0 {
         return unit.to_owned();
     }

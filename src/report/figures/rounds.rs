@@ -11,7 +11,7 @@ use tapline_wire::{Discriminator, Discriminators, Geometry};
 use crate::report::evidence::condition::Condition;
 use crate::report::evidence::{Cell, Evidence, Shoulder, Tap, Tyre};
 use crate::report::figures::axis::Axis;
-use crate::report::figures::chart::{self, Chart, Key, Sheet, Stroke, exponent_of, scaled_unit};
+use crate::report::figures::chart::{self, Chart, Key, Sheet, Stroke, scaled};
 use crate::report::pages::words;
 
 /// Most shoulders in one picture of the index.
@@ -90,10 +90,7 @@ pub(crate) fn discriminator(
     let turns: Vec<_> = tyre.shoulders.iter().map(|shoulder| turns(shoulder, condition, which, per_si)).collect();
     let values = turns.iter().flatten().flat_map(|(_, points)| points.iter().flatten().map(|point| point.1));
     let Some(extremes) = extent(values) else { return Ok(Vec::new()) };
-    let exponent = exponent_of(&unit, extremes);
-    let scale = 10f64.powi(-exponent);
-    let unit = scaled_unit(exponent, &unit);
-    let label = if unit.is_empty() { name.to_owned() } else { format!("{name}, {unit}") };
+    let (scale, label) = scaled(name, &unit, extremes);
     let picture = |(shoulder, turns): (&Shoulder, Vec<Turn>)| {
         let key =
             |(&(color, stroke), (words, _)): (&(RGBColor, Stroke), &Turn)| Key { words: words.clone(), color, stroke };

@@ -1,5 +1,8 @@
 //! The frame of a page and the parts that all pages have.
 
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
+
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use tapline_draw::canvas::number;
 use tapline_fuse::Reference;
@@ -127,6 +130,13 @@ pub(crate) fn notices(evidence: &Evidence, shoulders: &[(String, &Shoulder)], re
             }
         }
     }
+}
+
+/// The `counts` of reasons, the most frequent first.
+pub(crate) fn frequent_first(counts: BTreeMap<String, usize>) -> Vec<(String, usize)> {
+    let mut counts: Vec<_> = counts.into_iter().collect();
+    counts.sort_by_key(|&(_, count)| Reverse(count));
+    counts
 }
 
 /// The states of the planned taps, and the flags of the archived ones.

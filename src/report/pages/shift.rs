@@ -69,10 +69,8 @@ impl Shift {
         if !title.is_empty() {
             evidence.archive = title;
         }
-        let mut refusals: Vec<(String, usize)> = self.refusals.into_iter().collect();
-        refusals.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
         let score = self.is_scored.then(|| self.scores.score());
-        page(&evidence, &self.names, &refusals, score, shift).map(Some)
+        page(&evidence, &self.names, &page::frequent_first(self.refusals), score, shift).map(Some)
     }
 }
 

@@ -61,17 +61,11 @@ pub(crate) fn page(reader: &Reader, evidence: &Evidence, tyre: &Tyre) -> Result<
 
 /// The reasons why taps of `tyre` were refused, with their counts, the most frequent first.
 fn refusals(reader: &Reader, tyre: &Tyre) -> Result<Vec<(String, usize)>> {
-    let refusals = reader.refusals()?;
-    Ok(counted(refusals.iter().filter(|refusal| refusal.id.tyre == tyre.serial).map(|refusal| refusal.reason.as_str())))
-}
-
-/// Each text with its count, the most frequent first.
-fn counted<'a>(texts: impl Iterator<Item = &'a str>) -> Vec<(String, usize)> {
-    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
-    texts.for_each(|text| *counts.entry(text).or_default() += 1);
-    let mut counts: Vec<(String, usize)> = counts.into_iter().map(|(text, count)| (text.to_owned(), count)).collect();
-    counts.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
-    counts
+    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+    for refusal in reader.refusals()?.into_iter().filter(|refusal| refusal.id.tyre == tyre.serial) {
+        *counts.entry(refusal.reason).or_default() += 1;
+    }
+    Ok(page::frequent_first(counts))
 }
 
 /// The damage maps, and the index around the ring.

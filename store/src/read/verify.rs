@@ -98,22 +98,15 @@ pub fn verify_with(path: impl AsRef<Path>, on_part: impl FnMut(f64)) -> Result<R
     verify_file(&Archive::open(path.as_ref(), Access::ReadUnfinished)?, on_part)
 }
 
-impl Report {
-    /// A report without problems, before anything is checked.
-    fn empty(plan: &Plan) -> Self {
-        Self {
-            plan_digest: plan.digest(),
-            ledger: Ledger::empty(plan.taps().len(), plan.scans().len()),
-            problems: Vec::new(),
-            missing_count: 0,
-            is_finished: false,
-        }
-    }
-}
-
 fn verify_file(archive: &Archive, mut on_part: impl FnMut(f64)) -> Result<Report> {
     let plan = &archive.plan;
-    let mut report = Report::empty(plan);
+    let mut report = Report {
+        plan_digest: plan.digest(),
+        ledger: Ledger::empty(plan.taps().len(), plan.scans().len()),
+        problems: Vec::new(),
+        missing_count: 0,
+        is_finished: archive.is_finished,
+    };
     let context = "read a table";
     let ledger = archive.ledger.read_all().context(context, &archive.path)?;
     let headers = archive.headers.read_all().context(context, &archive.path)?;
@@ -155,7 +148,6 @@ fn verify_file(archive: &Archive, mut on_part: impl FnMut(f64)) -> Result<Report
             }
         }
     }
-    report.is_finished = archive.is_finished;
     report.missing_count = report.ledger.count(TapState::Missing);
     let scans = archive.scans.read_all().context(context, &archive.path)?;
     for (scan, row) in (0..).zip(&scans) {

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use tapline_wire::TapState;
 
 use crate::archive::Archive;
-use crate::error::{Context as _, Result};
+use crate::error::{Context as _, Error, Result};
 use crate::file::background_sync::SyncErrors;
 use crate::file::draft::{rename_new, sync_folder_of};
 use crate::h5::seal::{Extent, seal};
@@ -86,9 +86,7 @@ impl Writer {
     pub fn finish_at(mut self, final_path: impl AsRef<Path>) -> Result<Finishing> {
         self.settle()?;
         let file = self.guard.read_handle()?;
-        let Some(archive) = self.archive.take() else {
-            return Err(crate::error::Error::Abandoned { path: self.path.clone() });
-        };
+        let archive = self.archive.take().ok_or_else(|| Error::Abandoned { path: self.path.clone() })?;
         close_and_seal(archive, self.ledger.taps())?;
         let (from, path) = (self.path.clone(), final_path.as_ref().to_owned());
         Ok(Finishing { from, path, file, sync_errors: self.sync_errors.clone() })

@@ -39,8 +39,6 @@ pub fn put_taps_of(writers: &mut [&mut Writer], taps: &[Tap<'_>]) -> Vec<Result<
 
 /// A tap that is new to its archive.
 struct New<'a> {
-    /// Its number in the call.
-    number: usize,
     writer: usize,
     row: HeaderRow,
     samples: &'a [u8],
@@ -56,10 +54,10 @@ fn put_different(writers: &mut [&mut Writer], taps: &[Tap<'_>], outcomes: &mut V
             (failed[writer], is_failed[writer]) = (Some(error), true);
         }
     }
-    for (number, &(writer, header, samples)) in taps.iter().enumerate() {
+    for &(writer, header, samples) in taps {
         known.push(writers[writer].outcome_of(header, samples));
         if let Some(Ok((row, PutOutcome::Stored))) = known.last().filter(|_| !is_failed[writer]) {
-            new.push(New { number, writer, row: *row, samples: &samples[..header.payload_bytes()] });
+            new.push(New { writer, row: *row, samples: &samples[..header.payload_bytes()] });
         }
     }
     let records: Vec<(Shape, &[u8])> = new.iter().map(|tap| (writers[tap.writer].shape, tap.samples)).collect();
@@ -87,7 +85,6 @@ fn put_different(writers: &mut [&mut Writer], taps: &[Tap<'_>], outcomes: &mut V
             writer.pending.headers.insert(header.plan_index, header);
             writer.accept(header.plan_index, Half::Samples, version_of(&header));
         }
-        debug_assert!(tap.number < taps.len());
     }
     drop(packed);
     for (&(writer, ..), known) in taps.iter().zip(known) {

@@ -13,10 +13,8 @@ use crate::sandbox::stages::{signal, stage};
 /// Catches taps that are lost with a file that someone removes while it is written, alone or with its folder.
 #[test]
 fn a_removed_archive_is_written_again() {
-    let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox);
+    let (sandbox, expected) = undisturbed();
     for is_folder in [false, true] {
-        fs::create_dir(sandbox.path("disk")).unwrap();
         let (mut line, file) = start_on_disk(&sandbox);
         if is_folder {
             fs::remove_dir_all(sandbox.path("disk")).unwrap();
@@ -38,7 +36,6 @@ fn a_removed_archive_is_written_again() {
 fn a_line_ended_without_its_archive_has_failed() {
     let sandbox = Sandbox::new();
     sandbox.write("paced.toml", &paced());
-    fs::create_dir(sandbox.path("disk")).unwrap();
     let (mut line, _) = start_on_disk(&sandbox);
     fs::remove_dir_all(sandbox.path("disk")).unwrap();
     line.wait_for_log(&["ERROR", "disk/run/open/SIM-0001.", "was removed"]);
@@ -49,9 +46,7 @@ fn a_line_ended_without_its_archive_has_failed() {
 /// Catches a file that is moved away, or replaced by another, without a report.
 #[test]
 fn a_moved_or_replaced_archive_is_waited_for() {
-    let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox);
-    fs::create_dir(sandbox.path("disk")).unwrap();
+    let (sandbox, expected) = undisturbed();
     let (mut line, file) = start_on_disk(&sandbox);
     let name = file.file_name().unwrap().to_str().unwrap();
     let moved = sandbox.path("elsewhere/run/open").join(name);
@@ -72,9 +67,7 @@ fn a_moved_or_replaced_archive_is_waited_for() {
 #[test]
 fn a_line_does_not_continue_a_cut_archive() {
     for has_grown_again in [false, true] {
-        let sandbox = Sandbox::new();
-        let expected = undisturbed(&sandbox);
-        fs::create_dir(sandbox.path("disk")).unwrap();
+        let (sandbox, expected) = undisturbed();
         let (mut line, path) = start_on_disk(&sandbox);
         // After a while some taps are archived, and their loss is noticed whatever the length is.
         std::thread::sleep(Duration::from_millis(if has_grown_again { 300 } else { 0 }));
@@ -104,9 +97,7 @@ fn a_line_does_not_continue_a_cut_archive() {
 /// Catches a line that loses taps, or reports nothing, while `store` hangs as on a disk that does not respond.
 #[test]
 fn a_store_that_hangs_is_reported_and_waited_for() {
-    let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox);
-    fs::create_dir(sandbox.path("disk")).unwrap();
+    let (sandbox, expected) = undisturbed();
     let (mut line, _) = start_on_disk(&sandbox);
     let store = stage(line.child(), "store");
     signal(store, Signal::STOP);
@@ -121,8 +112,7 @@ fn a_store_that_hangs_is_reported_and_waited_for() {
 /// Catches a second writer that opens a file in spite of the line's lock.
 #[test]
 fn a_second_program_on_the_file_is_refused_by_name() {
-    let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox);
+    let (sandbox, expected) = undisturbed();
     let (line, path) = start_on_disk(&sandbox);
     line.interrupt().expect(3);
     assert_eq!(under_way(&sandbox.path("disk/run")), [path.as_path()]);

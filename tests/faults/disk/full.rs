@@ -27,8 +27,7 @@ fn start_and_fill(sandbox: &Sandbox, disk: &Disk) -> (Running, PathBuf, PathBuf)
 /// while.
 #[test]
 fn a_line_waits_for_room_on_a_full_disk() {
-    let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox);
+    let (sandbox, expected) = undisturbed();
     let Some(disk) = Disk::at(&sandbox.path("disk"), "64m") else { return };
     let (mut line, ballast, file) = start_and_fill(&sandbox, &disk);
     // The file is closed meanwhile, so that others can read it; exit code 3 is for the missing taps.
@@ -43,8 +42,7 @@ fn a_line_waits_for_room_on_a_full_disk() {
 /// Catches a change of cause that is not logged, and a read-only disk that ends the line or is written to.
 #[test]
 fn a_line_waits_for_a_read_only_disk() {
-    let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox);
+    let (sandbox, expected) = undisturbed();
     let Some(disk) = Disk::at(&sandbox.path("disk"), "64m") else { return };
     let (mut line, _, _) = start_and_fill(&sandbox, &disk);
     // No file is open for writing there, or the system would refuse; and if there were room, the archive would be
@@ -61,8 +59,7 @@ fn a_line_waits_for_a_read_only_disk() {
 /// Catches a line on a full disk that cannot be stopped, loses what was safe, or reports success.
 #[test]
 fn a_line_on_a_full_disk_ends_in_order() {
-    let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox);
+    let (sandbox, expected) = undisturbed();
     let Some(disk) = Disk::at(&sandbox.path("disk"), "64m") else { return };
     let (line, ballast, file) = start_and_fill(&sandbox, &disk);
     let done = line.interrupt();
@@ -119,8 +116,7 @@ fn a_full_disk_holds_up_the_next_file() {
 /// Catches a `store` that is killed on a full disk and does not continue to wait.
 #[test]
 fn store_is_killed_on_a_full_disk() {
-    let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox);
+    let (sandbox, expected) = undisturbed();
     let Some(disk) = Disk::at(&sandbox.path("disk"), "64m") else { return };
     let (mut line, ballast, _) = start_and_fill(&sandbox, &disk);
     signal(stage(line.child(), "store"), Signal::KILL);
@@ -134,8 +130,7 @@ fn store_is_killed_on_a_full_disk() {
 /// Catches a casing that cannot be begun and is not reported clearly, or that is half begun and left there.
 #[test]
 fn places_where_no_archive_can_begin() {
-    let sandbox = Sandbox::new();
-    let expected = undisturbed(&sandbox);
+    let (sandbox, expected) = undisturbed();
     let Some(disk) = Disk::at(&sandbox.path("disk"), "16m") else { return };
     let ballast = disk.fill(60_000);
     let mut line = Running::start(&sandbox, "run --config paced.toml --out disk/run --json");

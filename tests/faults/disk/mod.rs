@@ -9,7 +9,7 @@ use std::fs;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use crate::sandbox::archives::{Contents, assert_same_casings, casings, finished};
+use crate::sandbox::archives::{Contents, assert_same_casings, casings, finished, names};
 use crate::sandbox::running::Running;
 use crate::sandbox::{Sandbox, short_scan};
 
@@ -23,11 +23,14 @@ fn paced() -> String {
     format!("{}[acquire]\ntaps_per_s = 60.0\n", quick())
 }
 
-fn undisturbed(sandbox: &Sandbox) -> BTreeMap<String, Contents> {
+/// A sandbox with both scans, and the casings that an undisturbed run makes.
+fn undisturbed() -> (Sandbox, BTreeMap<String, Contents>) {
+    let sandbox = Sandbox::new();
     sandbox.write("quick.toml", &quick());
     sandbox.write("paced.toml", &paced());
     sandbox.run("run --config quick.toml --out quick").expect(0);
-    casings(&sandbox.path("quick"))
+    let expected = casings(&sandbox.path("quick"));
+    (sandbox, expected)
 }
 
 /// Checks that every file is complete and in its place, that nothing else is left, and that the contents are those of
@@ -38,11 +41,9 @@ fn assert_whole(sandbox: &Sandbox, expected: &BTreeMap<String, Contents>) {
         sandbox.run(&format!("verify {}", file.display())).expect(0);
     }
     assert_same_casings(&casings(&out), expected);
-    let open: Vec<_> = fs::read_dir(out.join("open")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
-    assert!(open.is_empty(), "{open:?}");
+    assert_eq!(names(&out.join("open")), [""; 0]);
     let ours = |name: &str| name.ends_with(".h5") || ["open", "run.toml", "left"].contains(&name);
-    let beside = fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
-    let beside: Vec<String> = beside.filter(|name| !ours(name)).collect();
+    let beside: Vec<String> = names(&out).into_iter().filter(|name| !ours(name)).collect();
     assert!(beside.is_empty(), "{beside:?}");
 }
 

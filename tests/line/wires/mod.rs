@@ -44,6 +44,6 @@ fn unreported(sandbox: &Sandbox) -> Vec<String> {
 }
 
 /// The status of the line that writes to `out`; null while there is none.
-fn status(sandbox: &Sandbox) -> Value {
+pub(super) fn status(sandbox: &Sandbox) -> Value {
     serde_json::from_str(sandbox.run("status --out out --json").out.trim()).unwrap_or_default()
 }

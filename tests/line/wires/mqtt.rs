@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::Write as _;
-use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
@@ -13,7 +12,7 @@ use tapline_testing::program::Done;
 
 use crate::line::page::{address_of, ask};
 use crate::line::wires::{by_id, status, unreported};
-use crate::line::{ROOM, slow_plant, tap_sets};
+use crate::line::{INBOX, ROOM, slow_plant, tap_sets};
 use crate::sandbox::Sandbox;
 use crate::sandbox::broker::{Broker, Heard, Subscriber, free_port};
 use crate::sandbox::running::{Running, until};
@@ -95,8 +94,7 @@ fn what_stands_at_a_station_is_cleared_when_it_is_in_doubt() {
     let Some(broker) = Broker::start(&sandbox, "allow_anonymous true") else { return };
     tap_sets(&sandbox);
     let mqtt = format!("{ROOM}[line.mqtt]\nbroker = \"127.0.0.1:{}\"\n", broker.port);
-    let station = "[[station]]\nnumber = 1\nsource = \"folder\"\nfolder = \"inbox\"\n";
-    sandbox.write("plant.toml", &format!("[acquire]\ntaps_per_s = 100\n{mqtt}{station}"));
+    sandbox.write("plant.toml", &format!("[acquire]\ntaps_per_s = 100\n{mqtt}{INBOX}"));
     let arrives = |set: &str| fs::rename(sandbox.path("sets").join(set), sandbox.path("inbox").join(set)).unwrap();
     let topic = ["-t", "tapline/station/1/now"];
     let follower = Subscriber::start(broker.port, &[]);
@@ -143,8 +141,7 @@ fn the_broker_must_be_vouched_for_and_is_acknowledged_who_connects() {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/line/wires/certificates.py");
     Done::from(Command::new(python).arg(script).arg(sandbox.path("")).output().unwrap()).expect(0);
     let file = |name: &str| sandbox.path(name).display().to_string();
-    sandbox.write("user", "line-1\nsecret word\n");
-    fs::set_permissions(sandbox.path("user"), fs::Permissions::from_mode(0o600)).unwrap();
+    sandbox.write_secret("user", "line-1\nsecret word\n");
     let hashed =
         Command::new("mosquitto_passwd").args(["-b", "-c", &file("passwords"), "line-1", "secret word"]).output();
     if hashed.is_err() {

@@ -2,7 +2,6 @@
 
 use std::fs;
 use std::io::Write as _;
-use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
@@ -102,8 +101,7 @@ fn results_are_offered_until_they_are_acknowledged() {
 fn who_is_let_in_is_trusted_and_has_the_password() {
     let Some(python) = tapline_testing::python_with("asyncua") else { return };
     let sandbox = Sandbox::new();
-    sandbox.write("user", "plant\nsecret\n");
-    fs::set_permissions(sandbox.path("user"), fs::Permissions::from_mode(0o600)).unwrap();
+    sandbox.write_secret("user", "plant\nsecret\n");
     slow_plant(&sandbox, 1, 200.0, &format!("{TABLE}pki_folder = \"pki\"\ncredentials_file = \"user\"\n"));
     let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json");
     let address = address_of(&mut line, "OPC UA");

@@ -9,7 +9,7 @@ use tapline_store::{Reader, Unreported};
 use tapline_wire::casing_number;
 
 use crate::line::wires::{status, unreported};
-use crate::line::{all_finished, slow_plant};
+use crate::line::{INBOX, all_finished, slow_plant};
 use crate::sandbox::Sandbox;
 use crate::sandbox::running::{Running, until};
 
@@ -35,8 +35,7 @@ fn parsed(line: &str) -> Value {
 /// A line on `out` that has no casings to tap.
 fn idle_line(sandbox: &Sandbox) -> Running {
     fs::create_dir_all(sandbox.path("inbox")).unwrap();
-    let station = "[[station]]\nnumber = 1\nsource = \"folder\"\nfolder = \"inbox\"\n";
-    sandbox.write("idle.toml", &format!("{}{station}", keeping_hook(sandbox)));
+    sandbox.write("idle.toml", &format!("{}{INBOX}", keeping_hook(sandbox)));
     Running::start(sandbox, "line --config idle.toml --out out --json")
 }
 

@@ -101,6 +101,7 @@ impl Limits {
 mod tests {
     use super::*;
     use crate::plan::parts::recording;
+    use crate::{Geometry, PlannedTap, Purpose, Recording, Serial, TapId};
 
     /// Catches a station that two processes serve, or none.
     #[test]
@@ -114,15 +115,12 @@ mod tests {
     /// Catches a line without room for what is known of locations that are not tapped, or for taps that are added.
     #[test]
     fn a_casing_needs_room_for_what_is_known_of_it() {
-        let id = |location: u32| {
-            let mut id = crate::TapId::default();
-            (id.tyre, id.shoulder, id.location) = (crate::Serial::new("A").unwrap(), 1, location);
-            id
-        };
-        let tap = |location| crate::PlannedTap { id: id(location), angle_deg: None, purpose: crate::Purpose::Scan };
-        let truth = (0..9).map(|location| ((crate::Serial::new("A").unwrap(), 1, location), false)).collect();
-        let recording = crate::Recording { sample_count_max: 100, ..recording() };
-        let plan = Plan::new(crate::Geometry::Line, recording, vec![tap(2), tap(5)], truth).unwrap();
+        let tyre = Serial::new("A").unwrap();
+        let id = |location| TapId::new(0, tyre, 1, location);
+        let tap = |location| PlannedTap { id: id(location), angle_deg: None, purpose: Purpose::Scan };
+        let truth = (0..9).map(|location| ((tyre, 1, location), false)).collect();
+        let recording = Recording { sample_count_max: 100, ..recording() };
+        let plan = Plan::new(Geometry::Line, recording, vec![tap(2), tap(5)], truth).unwrap();
         let need = CasingLimits::from_plan(&plan);
         assert_eq!(need, CasingLimits { taps: 2, room: 0, scans: 1, locations: 9, record_bytes: 400 });
         assert_eq!(need.exceeded_by(&plan, 0), None);

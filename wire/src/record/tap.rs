@@ -3,7 +3,7 @@
 use iceoryx2::prelude::ZeroCopySend;
 use serde::{Deserialize, Serialize};
 
-use crate::{Stamp, Stamped, TapId};
+use crate::{Stamp, TapId};
 
 /// Most channels a record can have.
 pub const CHANNELS_MAX: usize = 4;
@@ -136,6 +136,22 @@ pub struct TapHeader {
 }
 
 impl TapHeader {
+    /// The header of a tap of so many floating-point samples of each of `channels`, in their units.
+    pub fn in_units(sample_rate_hz: f64, pre_trigger_samples: u32, sample_count: u32, channels: &[Channel]) -> Self {
+        let mut header = Self {
+            sample_rate_hz,
+            pre_trigger_samples,
+            sample_count,
+            sample_format: SampleFormat::F32.code(),
+            channel_count: u32::try_from(channels.len()).unwrap_or(u32::MAX),
+            ..Self::default()
+        };
+        for (slot, channel) in header.channels.iter_mut().zip(channels) {
+            *slot = ChannelHeader { code: channel.code(), unit_per_count: 1.0, ..ChannelHeader::default() };
+        }
+        header
+    }
+
     /// Bytes of samples behind this header.
     pub fn payload_bytes(&self) -> usize {
         let format = SampleFormat::from_code(self.sample_format).map_or(0, SampleFormat::bytes);
@@ -203,15 +219,6 @@ pub fn i16_of_mut(buffer: &mut [CacheLine]) -> &mut [i16] {
 /// `buffer` as writable floating-point samples.
 pub fn f32_of_mut(buffer: &mut [CacheLine]) -> &mut [f32] {
     bytemuck::cast_slice_mut(buffer)
-}
-
-impl Stamped for TapHeader {
-    fn stamp(&self) -> &Stamp {
-        &self.stamp
-    }
-    fn stamp_mut(&mut self) -> &mut Stamp {
-        &mut self.stamp
-    }
 }
 
 #[cfg(test)]

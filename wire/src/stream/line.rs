@@ -9,8 +9,7 @@ use std::time::Duration;
 
 use iceoryx2::prelude::*;
 
-use crate::stream::cleanup::Svc;
-use crate::stream::cleanup::reap;
+use crate::stream::cleanup::{Svc, reap};
 use crate::stream::mailbox::{Mailbox, Waker};
 use crate::{Limits, LineAddress, LineError, Role};
 

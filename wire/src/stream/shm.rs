@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use rustix::fs::{FallocateFlags, FileType, Mode, OFlags};
-use rustix::io::Errno;
+use rustix::io::{Errno, retry_on_intr};
 
 use crate::stream::cleanup::{SHM, segments};
 use crate::{LineAddress, LineError};
@@ -108,12 +108,7 @@ fn fill(path: &Path) -> Result<(), Errno> {
     if FileType::from_raw_mode(stat.st_mode) != FileType::RegularFile || stat.st_size <= 0 {
         return Ok(());
     }
-    loop {
-        match rustix::fs::fallocate(&file, FallocateFlags::empty(), 0, stat.st_size.unsigned_abs()) {
-            Err(Errno::INTR) => {}
-            filled => return filled,
-        }
-    }
+    retry_on_intr(|| rustix::fs::fallocate(&file, FallocateFlags::empty(), 0, stat.st_size.unsigned_abs()))
 }
 
 /// Refuses more than is free, with both numbers.

@@ -20,12 +20,11 @@ impl Dialogue {
             serial.clone()
         };
         let (id, removal) = (self.last_id, Removal::default());
-        let step = Step::Idle;
         self.current = Some(Current {
             id,
             serial,
             removal: Arc::clone(&removal),
-            step,
+            step: Step::Idle,
             hit: String::new(),
             hit_sent: None,
             is_away_told: false,

@@ -188,11 +188,7 @@ fn a_rig_at_a_serial_port_is_asked_who_it_is() {
 /// an answer that comes at once.
 #[test]
 fn a_hit_that_is_not_answered_is_an_alarm() {
-    let (listener, mut bench) = by_hand(30.0);
-    let mut rig = ByHand::accept(&listener);
-    rig.say("hello rig-7 1\ncasing T 1\r\n");
-    assert_eq!(rig.hear(), "scan T 1 7");
-    let mut casing = bench.casing();
+    let (_listener, mut bench, mut rig, mut casing) = scanning();
     rig.is_homed(&bench, &mut casing, 2, "homed\n");
     rig.say("ready\n");
     assert_eq!(rig.hear(), "hit 1.85");
@@ -214,9 +210,7 @@ fn a_hit_that_is_not_answered_is_an_alarm() {
 fn a_rig_that_never_does_what_it_is_told_is_an_alarm() {
     // Catches a rig that connects anew and homes, and does not move, or does not home: for ever, and nobody is told; an alarm
     // for each time, and one of a rig that answers in between.
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = listener.local_addr().unwrap().to_string();
-    let mut bench = Bench::new(address, 30.0, 0);
+    let (listener, mut bench) = by_hand(30.0);
     let (mut alarms, mut away_count) = (Vec::new(), 0);
     let mut casing = None;
     // Whether it answers `home` and `move` before it is gone.
@@ -260,11 +254,7 @@ fn a_rig_that_never_does_what_it_is_told_is_an_alarm() {
 #[test]
 fn a_tap_that_the_rig_cannot_make_is_an_alarm() {
     // Catches a broken rig whose taps are refused one by one, and nobody is told; and an alarm for each of them.
-    let (listener, mut bench) = by_hand(30.0);
-    let mut rig = ByHand::accept(&listener);
-    rig.say("hello rig 1\ncasing T\n");
-    assert_eq!(rig.hear(), "scan T 7");
-    let mut casing = bench.casing();
+    let (_listener, mut bench, mut rig, mut casing) = scanning();
     rig.is_homed(&bench, &mut casing, 0, "homed\n");
     for row in 0..2 {
         // The bench tries a failed move twice again.

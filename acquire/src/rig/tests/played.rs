@@ -4,11 +4,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::*;
 
-/// Plays `script` to a station that takes `count` casings.
-fn played(script: &RigScript, patience_s: f64, count: u64) -> (Vec<Went>, RigReport) {
+/// Plays `script`, of `count` casings if it does not say how many, to a station that takes `count`.
+fn played(script: &RigScript, count: u64) -> (Vec<Went>, RigReport) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
-    let script = RigScript { casings: Some(count), ..script.clone() };
+    let script = RigScript { casings: script.casings.or(Some(count)), ..script.clone() };
     thread::scope(|scope| {
         let stop = Arc::new(AtomicBool::new(false));
         let of_rig = Arc::clone(&stop);
@@ -22,7 +22,7 @@ fn played(script: &RigScript, patience_s: f64, count: u64) -> (Vec<Went>, RigRep
             }
         }
         let guard = Stop(stop);
-        let mut bench = Bench::new(address, patience_s, 2);
+        let mut bench = Bench::new(address, 30.0, 2);
         let went = (0..count).map(|_| bench.scan_one()).collect();
         let report = rig.join().unwrap();
         drop(guard);
@@ -34,7 +34,7 @@ fn played(script: &RigScript, patience_s: f64, count: u64) -> (Vec<Went>, RigRep
 #[test]
 fn casings_on_a_rig_are_scanned() {
     let script = RigScript { serials: vec!["A-1".to_owned(), "T 2".to_owned()], ..RigScript::default() };
-    let (went, report) = played(&script, 30.0, 3);
+    let (went, report) = played(&script, 3);
     let want = |name: &str| Went { name: name.to_owned(), taps: 7, refused: 0, gone: None };
     assert_eq!(went, [want("A-1"), want("T 2"), want("RIG-3")]);
     assert_eq!((report.casings, report.closed, report.hits, report.homed), (3, 3, 21, 1));
@@ -44,16 +44,11 @@ fn casings_on_a_rig_are_scanned() {
 #[test]
 fn unknown_and_bad_serials_are_passed_over() {
     let serials = ["?", "a/b", "?", "\u{202e}x"].map(str::to_owned).to_vec();
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let mut bench = Bench::new(listener.local_addr().unwrap().to_string(), 30.0, 0);
-    let script = RigScript { serials, casings: Some(5), ..RigScript::default() };
-    let rig = thread::Builder::new().name("rig".to_owned());
-    let rig = rig.spawn(move || serve_rig(&listener, &script, &AtomicBool::new(false)).unwrap()).unwrap();
-    let names: Vec<String> = (0..3).map(|_| bench.scan_one().name).collect();
+    let (went, report) = played(&RigScript { serials, casings: Some(5), ..RigScript::default() }, 3);
+    let names: Vec<&str> = went.iter().map(|went| went.name.as_str()).collect();
     assert!(names[0].starts_with("unknown-1-20") && names[1].starts_with("unknown-1-20"), "{names:?}");
     assert_ne!(names[0], names[1]);
     assert_eq!(names[2], "RIG-5");
-    let report = rig.join().unwrap();
     assert_eq!((report.casings, report.closed, report.refused), (5, 3, 2));
 }
 
@@ -61,17 +56,17 @@ fn unknown_and_bad_serials_are_passed_over() {
 #[test]
 fn what_goes_wrong_at_a_rig_ends_no_station() {
     let script = RigScript { switched_off: 1.0, off_s: [0.0, 0.05], ..RigScript::default() };
-    let (went, report) = played(&script, 30.0, 3);
+    let (went, report) = played(&script, 3);
     assert!(went.iter().all(|went| went.taps == 7 && went.gone.is_none()), "{went:?}");
     assert_eq!((report.switched_off, report.closed), (3, 3));
 
     let script = RigScript { removed: 1.0, repeated: 0.5, gap_s: [0.0, 0.02], ..RigScript::default() };
-    let (went, report) = played(&script, 30.0, 4);
+    let (went, report) = played(&script, 4);
     assert!(went.iter().all(|w| w.gone.as_ref().is_some_and(|why| why.starts_with("it was taken away"))), "{went:?}");
     assert_eq!((report.removed, report.closed), (4, 0));
 
     let script = RigScript { failed_hits: 1.0, ..RigScript::default() };
-    let (went, report) = played(&script, 30.0, 1);
+    let (went, report) = played(&script, 1);
     assert_eq!((went[0].refused, went[0].taps, report.failed_hits), (7, 0, 21), "a try and two more each");
 }
 

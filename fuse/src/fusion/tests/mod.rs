@@ -31,9 +31,7 @@ fn bits(of: &(Judgement, Vec<DamageCell>)) -> String {
 }
 
 fn refusal(record: &Discriminators) -> Discriminators {
-    let mut quality = Quality::default();
-    quality.insert(Quality::REFUSED);
-    Discriminators { quality, values: Values::default(), ..*record }
+    Discriminators { quality: Quality::REFUSED, values: Values::default(), ..*record }
 }
 
 fn small() -> Casing {

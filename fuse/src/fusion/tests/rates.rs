@@ -1,8 +1,7 @@
 //! Rates of false calls are those that are stated, and cracks are found at them.
 
 use super::*;
-use crate::build_reference;
-use crate::testing::{built, file, shoulders_of};
+use crate::testing::{file, set_of, shoulders_of};
 
 fn casing() -> Casing {
     Casing { shoulder_count: 2, location_count: 60, smooth: 0.1, ..Casing::default() }
@@ -12,7 +11,7 @@ fn casing() -> Casing {
 fn reference_of(count: u64) -> Arc<ReferenceSet> {
     let shoulders =
         (0..count).flat_map(|number| shoulders_of(&casing(), 10_000 + number, false, &format!("R{number}"))).collect();
-    Arc::new(build_reference(&built(file()), shoulders).unwrap())
+    Arc::new(set_of(shoulders))
 }
 
 /// How many of the shoulders of `count` sound casings are not passed, and how many are rejected.

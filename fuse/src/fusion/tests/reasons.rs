@@ -1,12 +1,11 @@
 //! Reasons that the plan itself gives: a condition that the reference lacks, a part of the ring that is not tapped.
 
 use super::*;
-use crate::build_reference;
-use crate::testing::{built, file, shoulders_of};
+use crate::testing::{file, set_of, shoulders_of};
 
 /// The reference that a casing of seed 1 makes.
 fn reference_of(casing: &Casing) -> Arc<ReferenceSet> {
-    Arc::new(build_reference(&built(file()), shoulders_of(casing, 1, false, "T1")).unwrap())
+    Arc::new(set_of(shoulders_of(casing, 1, false, "T1")))
 }
 
 /// `plan` without the taps that are not `planned`, and the records of the others.

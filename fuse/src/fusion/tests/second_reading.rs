@@ -5,8 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use tapline_wire::{Purpose, Values};
 
 use super::*;
-use crate::build_reference;
-use crate::testing::{built, file, shoulders_of};
+use crate::testing::{file, set_of, shoulders_of_all};
 
 fn scanned_once(cracks: Vec<(u16, std::ops::Range<u32>)>) -> Casing {
     let velocities_m_per_s = vec![1.0];
@@ -196,8 +195,7 @@ fn the_gain_of_a_second_reading_is_no_damage() {
     let sound = Casing { shoulder_count: 2, ..scanned_once(Vec::new()) };
     // The reference was tapped twice everywhere: only its first taps are like the scan's.
     let twice = Casing { repetition_count: 2, ..sound.clone() };
-    let known = (0..6).flat_map(|k| shoulders_of(&twice, 100 + k, false, &format!("A{k}"))).collect();
-    let set = Arc::new(build_reference(&built(file()), known).unwrap());
+    let set = Arc::new(set_of(shoulders_of_all(&twice, 6)));
     let casing = Casing { cracks: vec![(1, 40..44)], ..sound.clone() };
     let plan = casing.plan();
     let judged = |plan: &Plan, all: &[Discriminators]| {

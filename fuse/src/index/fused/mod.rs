@@ -104,7 +104,9 @@ impl Fused {
         }
         // The reference is looked at as a casing will be, so that both have the same level by the same rule.
         let mut levels = Vec::new();
-        for_casings(shoulders, |casing| levels.extend(fused.levels(casing)));
+        for casing in shoulders.chunk_by(|a, b| a.casing == b.casing) {
+            levels.extend(fused.levels(casing));
+        }
         fused.residuals(shoulders, &kept, &mut levels);
         fused.standardise(shoulders, &kept, &levels);
         fused.offsets.iter().flatten().any(Option::is_some).then_some(fused)
@@ -287,9 +289,4 @@ fn centre_and_sd(mut values: Vec<f64>, is_own: bool) -> Option<(f64, f64)> {
         return mean_and_sd(&values);
     }
     Spread::below_zero(&mut values).map(|spread| (spread.centre, spread.sigma))
-}
-
-/// Calls `see` with the shoulders of each casing; those of one follow each other.
-fn for_casings<'a>(shoulders: &[&'a Shoulder], mut see: impl FnMut(&[&'a Shoulder])) {
-    shoulders.chunk_by(|a, b| a.casing == b.casing).for_each(&mut see);
 }
