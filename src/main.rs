@@ -86,6 +86,7 @@ fn makes_files(verb: &Verb) -> bool {
     match verb {
         Verb::Export(args) => args.out.is_some(),
         Verb::Report(_) | Verb::Reprocess { .. } | Verb::Repack { .. } | Verb::Import(_) | Verb::Reference(_) => true,
+        Verb::Run(_) => true,
         _ => false,
     }
 }

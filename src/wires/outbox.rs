@@ -297,7 +297,7 @@ impl Outbox {
             }
             None => {
                 if let Some(text) = state.troubles.remove(&(receiver, kind)) {
-                    tracing::warn!("no longer true: {text}");
+                    tracing::warn!("over: {text}");
                 }
             }
         }

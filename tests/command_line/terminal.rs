@@ -108,6 +108,7 @@ fn a_standard_output_that_cannot_be_written_is_told_once() {
     assert_eq!(err, "tapline: cannot write to standard output: Broken pipe (os error 32)\n");
     // The product of these is files.
     for (command, folder, file_count) in [
+        ("run --config c.toml --reference self --stations 2 --out made", "made", 3),
         ("report x --out pages", "pages", 3),
         ("reprocess -q x", "x", 5),
         ("repack x --codec none --out packed", "packed", 2),

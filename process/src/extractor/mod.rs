@@ -184,7 +184,7 @@ impl<T: Real> Extractor<T> {
         let centred = |from: usize, to: &mut [T]| {
             let samples = &track.samples[from..][..to.len()];
             if !C::NEEDS_GAIN {
-                extremes.add(samples);
+                extremes.add(from, samples);
             }
             to.iter_mut().zip(samples).for_each(|(to, &x)| *to = x.centred(base, gain));
         };

@@ -14,7 +14,7 @@ mod peak;
 use duration::{crossings, half_sine_base};
 use peak::vertex;
 
-use crate::signal::extent::{Extent, position};
+use crate::signal::extent::Extent;
 use crate::signal::record::{Count, Track};
 use crate::{DurationEstimator, PeakEstimator};
 
@@ -26,7 +26,7 @@ const WIDTH_LEVEL: f64 = 0.1;
 
 /// Where a force of this `extent` is greatest: the first of equal samples.
 pub(crate) fn peak_at<C: Count>(track: Track<'_, C>, extent: Extent<C>) -> Option<usize> {
-    position(track.samples, if track.unit_per_count < 0.0 { extent.least } else { extent.largest }, 0)
+    extent.position(track.samples, if track.unit_per_count < 0.0 { extent.least } else { extent.largest }, 0)
 }
 
 /// What the force shows of an impact.

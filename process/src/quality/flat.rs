@@ -1,6 +1,6 @@
 //! Flat tops: runs of equal samples where a signal would turn.
 
-use crate::signal::extent::{Extent, position};
+use crate::signal::extent::Extent;
 use crate::signal::record::Count;
 
 /// Samples in a row at an extreme from which on a channel may be clipped (B1).
@@ -38,7 +38,7 @@ const BESIDE: usize = 16;
 /// Whether the signal of `extent` around `base` is flat at its top or at its bottom.
 pub(crate) fn is_clipped<C: Count>(samples: &[C], extent: Extent<C>, base: f64, noise: f64) -> bool {
     let is_flat_at = |at| is_flat(samples, at, extent, base, (noise, OF_RINGING));
-    let is_flat = |level| is_extreme(level, extent, base) && position(samples, level, 0).is_some_and(is_flat_at);
+    let is_flat = |level| is_extreme(level, extent, base) && extent.position(samples, level, 0).is_some_and(is_flat_at);
     is_flat(extent.largest) || is_flat(extent.least)
 }
 
@@ -63,7 +63,7 @@ pub(crate) fn is_flat<C: Count>(samples: &[C], at: usize, extent: Extent<C>, bas
         if is_cut {
             return true;
         }
-        found = position(samples, level, next);
+        found = extent.position(samples, level, next);
     }
     is_flat_under_noise(samples, at, base, noise)
 }
@@ -169,7 +169,7 @@ mod tests {
 
     fn is_flat_at_top(samples: &[i16], noise: f64) -> bool {
         let extent = Extent::find(samples).unwrap();
-        let at = position(samples, extent.largest, 0).unwrap();
+        let at = extent.position(samples, extent.largest, 0).unwrap();
         is_flat(samples, at, extent, 0.0, (noise, OF_PULSE))
     }
 

@@ -88,14 +88,16 @@ impl<C: Count> Kernel for Means<'_, C> {
     #[inline(always)]
     fn run(self) -> Option<Extent<C>> {
         let mut extremes = Extremes::of(*self.samples.first()?);
-        for (samples, means) in self.samples.chunks(MEANS * MEAN_OF).zip(self.means.chunks_mut(MEANS)) {
-            extremes.add(samples);
+        let stretches = self.samples.chunks(MEANS * MEAN_OF).zip(self.means.chunks_mut(MEANS));
+        for (number, (samples, means)) in stretches.enumerate() {
+            extremes.add(number * MEANS * MEAN_OF, samples);
             for (mean, row) in means.iter_mut().zip(samples.as_chunks::<MEAN_OF>().0) {
                 *mean = C::mean_of(*row);
             }
         }
         // The last samples, which are fewer than a mean has.
-        extremes.add(&self.samples[self.means.len() * MEAN_OF..]);
+        let from = self.means.len() * MEAN_OF;
+        extremes.add(from, &self.samples[from..]);
         extremes.extent()
     }
 }
@@ -372,11 +374,11 @@ mod tests {
                 for value in [-7.0, 70.0, f32::NAN, f32::NEG_INFINITY] {
                     let mut samples = samples.clone();
                     samples[place] = value;
-                    assert_eq!(
-                        fill_means(&samples, &mut means),
-                        Extent::find(&samples),
-                        "{value} at {place} of {count}"
-                    );
+                    let seen = |extent: Option<Extent<f32>>| {
+                        extent.map(|extent| (extent.least, extent.largest, extent.position(&samples, value, 0)))
+                    };
+                    let of_means = seen(fill_means(&samples, &mut means));
+                    assert_eq!(of_means, seen(Extent::find(&samples)), "{value} at {place} of {count}");
                 }
             }
             fill_means(&samples, &mut means);
