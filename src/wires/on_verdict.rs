@@ -1,21 +1,24 @@
 //! The plant's command `on_verdict`, which is run with each verdict.
 
+use std::convert::Infallible;
+use std::fmt::Display;
 use std::fs::{self, Metadata};
-use std::io::{Read as _, Write as _};
+use std::io::{PipeWriter, Read as _, Write as _, pipe};
 use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::process::CommandExt as _;
-use std::process::{Child, ChildStderr, Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
+use std::thread::Builder;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail, ensure};
-use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
+use crossbeam::channel::{Receiver, RecvTimeoutError, Sender, bounded};
 use rustix::process::{Pid, Signal, kill_process_group};
 use tapline_host::stderr::Stderr;
 use tapline_store::Unreported;
 
 use crate::shown::verdict::CasingVerdict;
-use crate::wires::outbox::{Outbox, Receiver};
+use crate::wires::outbox::{self, Outbox};
 use crate::wires::reporter::{Reported, Reporter, Until};
 
 /// How long the command may take.
@@ -23,6 +26,9 @@ const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// Longest line of its log that is passed on in one piece.
 const LOG_LINE_MAX: usize = 1 << 16;
+
+/// How long the end of its log is waited for.
+const LOGGED_WITHIN: Duration = Duration::from_millis(100);
 
 /// Exit code with which a command asks to be run again later: `EX_TEMPFAIL` of the system's `sysexits.h`.
 const LATER: i32 = 75;
@@ -52,8 +58,9 @@ pub(super) fn check(command: &str) -> Result<()> {
 /// Has the shell run `command` with each verdict of `outbox` as a line of JSON on its standard input.
 pub(super) fn start(command: &str, outbox: &Arc<Outbox>) -> Result<Reporter> {
     let (command, alarms) = (command.to_owned(), Arc::clone(outbox));
-    Reporter::start(Receiver::Command, outbox, TIMEOUT, move |note, verdict, until| {
-        run(&command, note, verdict, until).unwrap_or_else(|error| {
+    let log = CommandLog::start()?;
+    Reporter::start(outbox::Receiver::Command, outbox, TIMEOUT, move |note, verdict, until| {
+        run((&command, &log), note, verdict, until).unwrap_or_else(|error| {
             // It has run: if run again, it might repeat what it has done.
             let file = verdict.file.display();
             tracing::error!(casing = verdict.casing, "on_verdict failed, the verdict is in {file}: {error:#}");
@@ -64,7 +71,17 @@ pub(super) fn start(command: &str, outbox: &Arc<Outbox>) -> Result<Reporter> {
 }
 
 /// Runs `command` with one verdict.
-fn run(command: &str, note: &Unreported, verdict: &CasingVerdict, until: &Until) -> Result<Reported> {
+fn run(
+    (command, log): (&str, &CommandLog),
+    note: &Unreported,
+    verdict: &CasingVerdict,
+    until: &Until,
+) -> Result<Reported> {
+    let later = |error: &dyn Display| Ok(Reported::Later(format!("on_verdict cannot be run now: {error}")));
+    let log = match log.writer() {
+        Ok(log) => log,
+        Err(error) => return later(&error),
+    };
     let child = Command::new("/bin/sh")
         .args(["-c", command])
         .env("TAPLINE_ID", note.id())
@@ -74,14 +91,14 @@ fn run(command: &str, note: &Unreported, verdict: &CasingVerdict, until: &Until)
         .env("TAPLINE_FILE", &verdict.file)
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
-        .stderr(Stdio::piped())
+        .stderr(log)
         // A Ctrl-C is for the line: a command that has begun is not interrupted.
         .process_group(0)
         .spawn();
     let mut child = match child {
         Ok(child) => child,
         // Out of memory, for example.
-        Err(error) => return Ok(Reported::Later(format!("on_verdict cannot be run now: {error}"))),
+        Err(error) => return later(&error),
     };
     if let Some(mut input) = child.stdin.take() {
         let text = verdict.json() + "\n";
@@ -90,52 +107,61 @@ fn run(command: &str, note: &Unreported, verdict: &CasingVerdict, until: &Until)
             tracing::debug!(%error, "on_verdict does not read its input");
         }
     }
-    let log = child.stderr.take().map(CommandLog::new).transpose()?;
-    wait_for(child, log, until)
+    wait_for(child, until)
 }
 
-/// What a command writes to its log. It is passed on, so that the command does not wait until somebody reads the line's.
+/// A pipe for what commands write to their standard error. A thread passes it on to the log by lines, long ones in pieces: no
+/// command, nor what it has started, waits until somebody reads the line's log.
 struct CommandLog {
-    from: ChildStderr,
-    /// The beginning of a line.
-    rest: Vec<u8>,
+    to: Option<PipeWriter>,
+    /// Disconnected when the thread ends, because nobody can write any more.
+    ended: Receiver<Infallible>,
 }
 
 impl CommandLog {
-    /// Of a command that writes into `from`.
-    fn new(from: ChildStderr) -> Result<Self> {
-        fcntl_setfl(&from, fcntl_getfl(&from)? | OFlags::NONBLOCK)?;
-        Ok(Self { from, rest: Vec::new() })
+    fn start() -> Result<Self> {
+        let ((mut from, to), (works, ended)) = (pipe()?, bounded(0));
+        let pass_on = move || {
+            let _works: Sender<Infallible> = works;
+            let (mut bytes, mut rest) = ([0; 4096], Vec::new());
+            while let Some(count) = from.read(&mut bytes).ok().filter(|&count| count > 0) {
+                rest.extend_from_slice(&bytes[..count]);
+                let end = rest.iter().rposition(|&byte| byte == b'\n').map_or(0, |at| at + 1);
+                let end = if end == 0 && rest.len() >= LOG_LINE_MAX { rest.len() } else { end };
+                // The log may be closed or full: nothing can be done about it.
+                drop(Stderr.write_all(&rest[..end]));
+                rest.drain(..end);
+            }
+            if !rest.is_empty() {
+                rest.push(b'\n');
+                drop(Stderr.write_all(&rest));
+            }
+        };
+        let thread = Builder::new().name("on_verdict-log".to_owned()).spawn(pass_on);
+        thread.context("cannot start the thread on_verdict-log")?;
+        Ok(Self { to: Some(to), ended })
     }
 
-    /// Passes on the lines that are there; a long one in pieces.
-    fn pass_on(&mut self) {
-        let mut bytes = [0; 4096];
-        while let Some(count) = self.from.read(&mut bytes).ok().filter(|&count| count > 0) {
-            self.rest.extend_from_slice(&bytes[..count]);
-            let end = self.rest.iter().rposition(|&byte| byte == b'\n').map_or(0, |at| at + 1);
-            let end = if end == 0 && self.rest.len() >= LOG_LINE_MAX { self.rest.len() } else { end };
-            // The log may be closed or full: nothing can be done about it.
-            drop(Stderr.write_all(&self.rest[..end]));
-            self.rest.drain(..end);
-        }
+    /// What a command writes to.
+    fn writer(&self) -> Result<Stdio> {
+        let to = self.to.as_ref().context("the log of commands has ended")?;
+        Ok(to.try_clone()?.into())
     }
 }
 
 impl Drop for CommandLog {
+    /// Waits for what the last command wrote, unless something that it started can still write.
     fn drop(&mut self) {
-        self.pass_on();
-        if !self.rest.is_empty() {
-            self.rest.push(b'\n');
-            drop(Stderr.write_all(&self.rest));
+        drop(self.to.take());
+        if self.ended.recv_timeout(LOGGED_WITHIN) == Err(RecvTimeoutError::Timeout) {
+            tracing::debug!("what on_verdict has started goes on");
         }
     }
 }
 
-fn wait_for(mut child: Child, mut log: Option<CommandLog>, until: &Until) -> Result<Reported> {
+fn wait_for(mut child: Child, until: &Until) -> Result<Reported> {
     let since = Instant::now();
     loop {
-        log.iter_mut().for_each(CommandLog::pass_on);
         match child.try_wait()? {
             Some(status) if status.success() => return Ok(Reported::Done),
             Some(status) if status.code() == Some(LATER) => {

@@ -20,7 +20,7 @@ fn a_command_is_run_at_each_verdict() {
     let sandbox = Sandbox::new();
     let ran = sandbox.path("ran.txt");
     let command = format!(
-        "read -r line; echo \"$TAPLINE_CASING $TAPLINE_VERDICT $TAPLINE_STATION $TAPLINE_FILE $line\" >> {}; exit 1",
+        "read -r line; echo \"$TAPLINE_CASING $TAPLINE_VERDICT $TAPLINE_STATION $TAPLINE_FILE $line\" >> {}; printf sorted >&2; exit 1",
         ran.display()
     );
     slow_plant(&sandbox, 2, 50.0, &format!("[line]\non_verdict = '''{command}'''\n"));
@@ -28,6 +28,7 @@ fn a_command_is_run_at_each_verdict() {
     let verdicts = line.verdicts(4);
     let done = line.finish().expect(0);
     assert!(done.err.contains("on_verdict failed"), "{done:?}");
+    assert!(done.err.lines().any(|line| line.ends_with("sorted")), "what a command says is logged: {done:?}");
     let passed = fs::read_to_string(ran).unwrap();
     assert_eq!(passed.lines().count(), 4, "{passed}");
     for (passed, verdict) in passed.lines().zip(&verdicts) {
