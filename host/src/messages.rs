@@ -28,6 +28,15 @@ pub fn say(text: &str) {
     }
 }
 
+/// Prints a line that another program has written; a log for programs gets it as an event.
+pub fn relay(line: &[u8]) {
+    let line = String::from_utf8_lossy(line);
+    match log::format() {
+        LogFormat::Text => print_line(&line),
+        LogFormat::Json => tracing::info!(target: SAID, "{line}"),
+    }
+}
+
 /// Prints the error that ended the program called `program`.
 pub fn print_failure(program: &str, error: &(dyn Error + 'static)) {
     let mut text = with_causes(error);

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, Result, bail, ensure};
 use crossbeam::channel::{Receiver, RecvTimeoutError, Sender, bounded};
 use rustix::process::{Pid, Signal, kill_process_group};
-use tapline_host::stderr::Stderr;
+use tapline_host::messages::relay;
 use tapline_store::Unreported;
 
 use crate::shown::verdict::CasingVerdict;
@@ -125,16 +125,18 @@ impl CommandLog {
             let _works: Sender<Infallible> = works;
             let (mut bytes, mut rest) = ([0; 4096], Vec::new());
             while let Some(count) = from.read(&mut bytes).ok().filter(|&count| count > 0) {
-                rest.extend_from_slice(&bytes[..count]);
-                let end = rest.iter().rposition(|&byte| byte == b'\n').map_or(0, |at| at + 1);
-                let end = if end == 0 && rest.len() >= LOG_LINE_MAX { rest.len() } else { end };
-                // The log may be closed or full: nothing can be done about it.
-                drop(Stderr.write_all(&rest[..end]));
-                rest.drain(..end);
+                for &byte in &bytes[..count] {
+                    if byte != b'\n' {
+                        rest.push(byte);
+                    }
+                    if byte == b'\n' || rest.len() == LOG_LINE_MAX {
+                        relay(&rest);
+                        rest.clear();
+                    }
+                }
             }
             if !rest.is_empty() {
-                rest.push(b'\n');
-                drop(Stderr.write_all(&rest));
+                relay(&rest);
             }
         };
         let thread = Builder::new().name("on_verdict-log".to_owned()).spawn(pass_on);
