@@ -3,7 +3,7 @@
 use iceoryx2::prelude::ZeroCopySend;
 
 use crate::plan::codec::{TAP_BYTES, decode_taps, encode_taps};
-use crate::{Limits, Plan, PlanError, PlannedTap, Stamp, digest_of_parts};
+use crate::{Limits, Plan, PlanError, PlannedTap, Stamp, Stamped, digest_of_parts};
 
 /// Longest reason a refusal can carry, in bytes.
 pub const REASON_BYTES_MAX: usize = 1024;
@@ -117,4 +117,13 @@ pub(crate) fn proposal_bytes_max(limits: &Limits) -> usize {
 pub(crate) fn opened_bytes_max(limits: &Limits, taps: usize) -> usize {
     let opened = 4 + NAME_BYTES_MAX + taps * TAP_BYTES;
     opened.max(limits.casing.taps + limits.casing.scans).max(PATH_BYTES_MAX).max(REASON_BYTES_MAX)
+}
+
+impl Stamped for CasingHeader {
+    fn stamp(&self) -> &Stamp {
+        &self.stamp
+    }
+    fn stamp_mut(&mut self) -> &mut Stamp {
+        &mut self.stamp
+    }
 }

@@ -6,7 +6,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use serde::{Deserialize, Serialize};
 
 use crate::record::discriminators::Discriminator;
-use crate::{Reasons, Stamp};
+use crate::{Reasons, Stamp, Stamped};
 
 /// What to do with a casing's shoulder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -177,4 +177,13 @@ impl Judgement {
 
 fn known(times: [f64; Discriminator::COUNT]) -> impl Iterator<Item = (Discriminator, f64)> {
     Discriminator::ALL.into_iter().zip(times).filter(|(_, times)| times.is_finite())
+}
+
+impl Stamped for Judgement {
+    fn stamp(&self) -> &Stamp {
+        &self.stamp
+    }
+    fn stamp_mut(&mut self) -> &mut Stamp {
+        &mut self.stamp
+    }
 }

@@ -2,8 +2,6 @@
 
 use iceoryx2::prelude::ZeroCopySend;
 
-use crate::{CasingHeader, Judgement, TapHeader};
-
 /// What a record is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum RecordKind {
@@ -81,19 +79,3 @@ impl Stamped for Stamp {
         self
     }
 }
-
-/// Implements [`Stamped`] for headers with a field `stamp`.
-macro_rules! stamped {
-    ($($header:ty),+) => {
-        $(impl Stamped for $header {
-            fn stamp(&self) -> &Stamp {
-                &self.stamp
-            }
-            fn stamp_mut(&mut self) -> &mut Stamp {
-                &mut self.stamp
-            }
-        })+
-    };
-}
-
-stamped!(TapHeader, CasingHeader, Judgement);

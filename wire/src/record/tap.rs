@@ -3,7 +3,7 @@
 use iceoryx2::prelude::ZeroCopySend;
 use serde::{Deserialize, Serialize};
 
-use crate::{Stamp, TapId};
+use crate::{Stamp, Stamped, TapId};
 
 /// Most channels a record can have.
 pub const CHANNELS_MAX: usize = 4;
@@ -219,6 +219,15 @@ pub fn i16_of_mut(buffer: &mut [CacheLine]) -> &mut [i16] {
 /// `buffer` as writable floating-point samples.
 pub fn f32_of_mut(buffer: &mut [CacheLine]) -> &mut [f32] {
     bytemuck::cast_slice_mut(buffer)
+}
+
+impl Stamped for TapHeader {
+    fn stamp(&self) -> &Stamp {
+        &self.stamp
+    }
+    fn stamp_mut(&mut self) -> &mut Stamp {
+        &mut self.stamp
+    }
 }
 
 #[cfg(test)]
