@@ -123,8 +123,8 @@ impl Costs {
         }
         writeln!(
             text,
-            "\nAn exponent of 0 means that a tap costs the same however many there are. Below 0, work that is done once is shared by \
-             more taps. A tap takes {:.0} bytes in its archive (50 ms, two channels, simulated with noise).\n",
+            "\nWith an exponent of 0 a tap costs the same however many there are; below 0 it costs less, because work that is done once is \
+             shared. A tap takes {:.0} bytes in its archive (50 ms, two channels, simulated with noise).\n",
             self.bytes_per_tap
         )?;
         if let Some(Way { us: [sender, server, collector], taps_per_s }) = &self.way {

@@ -112,7 +112,7 @@ fn a_line_whose_reader_has_gone_goes_on() {
 fn a_line_goes_on_while_nobody_reads() {
     let sandbox = Sandbox::new();
     let ran = sandbox.path("ran.txt");
-    let command = format!("head -c 200000 /dev/zero >&2; echo $TAPLINE_ID >> {}", ran.display());
+    let command = format!("yes sorted | head -n 6000 >&2; echo $TAPLINE_ID >> {}", ran.display());
     slow_plant(&sandbox, 2, 200.0, &format!("[line]\non_verdict = '''{command}'''\n"));
     let [(unread, out), (unread_log, log)] = [full_pipe(), full_pipe()];
     let arguments = "line --config plant.toml --out out --json -vv";
@@ -123,9 +123,13 @@ fn a_line_goes_on_while_nobody_reads() {
     until("the command is run", || fs::read_to_string(&ran).is_ok_and(|text| text.lines().count() == 4));
     let waiting = json!({ "name": "stdout", "waiting": 4, "trouble": null });
     until("they wait to be printed", || sandbox.run("status --out out --json").json(0)["receivers"][1] == waiting);
+    // Four times 6000 lines were too many for the queue of the log.
+    let dropped = lines_of(unread_log).iter().find(|line| line.contains("messages that were dropped: "));
+    let count = dropped.unwrap().rsplit(' ').next().unwrap().parse::<u64>().unwrap();
+    assert!((16_000..24_000).contains(&count), "{count}");
     signal(i32::try_from(child.id()).unwrap(), Signal::INT);
     assert_eq!(child.wait().unwrap().code(), Some(3));
-    drop((unread, unread_log));
+    drop(unread);
     slow_plant(&sandbox, 2, 200.0, "");
     let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json");
     let ids: BTreeSet<String> = line.verdicts(4).iter().map(|verdict| verdict["id"].to_string()).collect();
