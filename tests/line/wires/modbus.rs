@@ -85,3 +85,31 @@ fn a_controller_acknowledges_each_verdict() {
     until("nothing is left to report", || unreported(&sandbox).is_empty());
     line.interrupt().expect(0);
 }
+
+/// Catches a heartbeat that goes on, and a state that stands, while the line itself hangs.
+#[test]
+fn a_line_that_hangs_has_no_heartbeat() {
+    let Some(python) = tapline_testing::python_with("pymodbus") else { return };
+    if !rustix::process::geteuid().is_root() {
+        return tapline_testing::skip("only root may hold a thread of another process");
+    }
+    let sandbox = Sandbox::new();
+    slow_plant(&sandbox, 2, 100.0, TABLE);
+    let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json");
+    let address = address_of(&mut line, "Modbus");
+    let mut controller = client(&python, "modbus.py", &[&address, "2"]);
+    let mut wait_for = |wanted: &dyn Fn(&Value) -> bool| loop {
+        if let Some(now) = said(&mut controller).get("now").filter(|now| wanted(now)) {
+            return now.clone();
+        }
+    };
+    wait_for(&|now| now["busy"] == 1);
+    let mut holder = client(&python, "hold.py", &[&line.child().id().to_string()]);
+    assert_eq!(holder.line(), "held");
+    let hung = wait_for(&|now| now["beats"] == false);
+    let none = ["ready", "busy", "ok", "re_inspect", "not_ok"].map(|key| hung[key].as_u64());
+    assert_eq!(none, [Some(0); 5], "{hung}");
+    drop(holder.kill());
+    wait_for(&|now| now["beats"] == true);
+    line.interrupt().expect(0);
+}
