@@ -42,7 +42,7 @@ impl AnovaRow {
 pub struct Crossed {
     /// Parts; 2 or more.
     pub part_count: usize,
-    /// Operators or stations; 2 or more.
+    /// Operators or stations; 2 or more; 1 in a one-way study.
     pub operator_count: usize,
     /// Readings of each part by each operator; 2 or more.
     pub repeat_count: usize,
