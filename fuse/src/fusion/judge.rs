@@ -4,7 +4,7 @@ use tapline_wire::{DamageCell, Discriminator, Geometry, Judgement, Reasons, Reco
 
 use crate::arcs::regions::{arcs_above, damage_index};
 use crate::arcs::statistic::{Arc, Maps};
-use crate::evidence::Sum;
+use crate::evidence::{Sum, has_value};
 use crate::fusion::Fusion;
 use crate::fusion::compared::{Compared, Found};
 use crate::index::Scores;
@@ -341,27 +341,32 @@ impl<'a> View<'a> {
     /// not tapped again.
     fn second_value(&self, arc: Arc) -> Option<f64> {
         let second = self.second?;
-        let controls: Vec<usize> = (self.shoulder.turns.iter())
-            .filter_map(|turn| turn.controls.as_ref())
-            .map(|controls| controls.iter().filter(|is| **is).count())
-            .collect();
-        let control_count = *controls.iter().min()? as f64;
-        let is_control = |place: usize| {
-            self.shoulder.turns.iter().any(|turn| turn.controls.as_ref().is_some_and(|controls| controls[place]))
-        };
+        let second_turns =
+            || self.shoulder.turns.iter().filter_map(|turn| Some((turn.condition, turn.controls.as_ref()?)));
+        let is_control = |place: &usize| second_turns().any(|(_, controls)| controls[*place]);
+        let places: Vec<usize> =
+            self.shoulder.ring.from(arc.start).take(arc.length).filter(|place| !is_control(place)).collect();
         // The first reading alone chooses what is looked at in the second one.
         let statistic = &self.fitted.statistic;
         let weights = statistic.weights(&self.shoulder.ring, self.first_maps.as_ref()?, arc);
         let mut sum = Sum::default();
+        let mut control_count_min = None;
         for &offset in statistic.offsets() {
-            let places = self.shoulder.ring.from(arc.start).take(arc.length).filter(|&place| !is_control(place));
-            places.for_each(|place| sum.add(&second.by_offset[offset][place]));
+            let scores = &second.by_offset[offset];
+            if !places.iter().any(|&place| has_value(&scores[place])) {
+                continue;
+            }
+            places.iter().for_each(|&place| sum.add(&scores[place]));
+            let of_offset = second_turns().filter(|(condition, _)| self.fitted.setup.offset_of[*condition] == offset);
+            let counts = of_offset.map(|(_, controls)| controls.iter().filter(|is| **is).count());
+            // A turn without controls has no level, and so no scores.
+            control_count_min = counts.filter(|count| *count > 0).chain(control_count_min).min();
         }
         let count = (0..weights.len()).map(|d| sum.count(d)).max()? as usize;
         // An arc of which only a small part was tapped again was not requested.
         let asked = arc.length.min(PLACES_MAX);
         // The median of the controls is only as certain as their number allows.
-        let of_controls = count as f64 / control_count;
+        let of_controls = count as f64 / control_count_min? as f64;
         let value = statistic.of_places().next()?.along(&weights, &sum.over_root(), of_controls);
         (2 * count >= asked && asked > 0 && !value.is_nan()).then_some(value)
     }

@@ -220,3 +220,35 @@ fn the_gain_of_a_second_reading_is_no_damage() {
         "the reference is cut to what was scanned first"
     );
 }
+
+#[test]
+fn controls_of_another_offset_are_no_ground_to_clear_an_arc() {
+    // Catches an arc that counts by the controls of all offsets: where one offset has few or none, no arc is certain any more.
+    let config = FuseConfig { discriminators: vec![Discriminator::Tau], ..FuseConfig::by(Reference::Own) };
+    let mut called_count = 0;
+    for seed in 0..20 {
+        let (plan, all) = tapped_again(seed);
+        let is = |record: &Discriminators, purpose: Purpose, mm: f64| {
+            let is_of = plan.taps()[record.plan_index as usize].purpose == purpose;
+            is_of && record.id.offset_mm() == Some(mm)
+        };
+        let places = |mm: f64| -> BTreeSet<u32> {
+            all.iter().filter(|record| is(record, Purpose::Suspect, mm)).map(|record| record.id.location).collect()
+        };
+        let offsets_mm: BTreeSet<u64> =
+            plan.taps().iter().filter_map(|tap| tap.id.offset_mm().map(f64::to_bits)).collect();
+        let offsets_mm: Vec<f64> =
+            offsets_mm.into_iter().map(f64::from_bits).filter(|&mm| !places(mm).is_empty()).collect();
+        for (&mm, &other_mm) in offsets_mm.iter().zip(offsets_mm.iter().skip(1)) {
+            let without = all.iter().filter(|record| !is(record, Purpose::Control, mm)).copied().collect::<Vec<_>>();
+            let called = |records: &[Discriminators]| {
+                let cells = whole(&config, &plan, records).judge(0).unwrap().1;
+                cells.iter().filter(|cell| cell.region != 0 && places(other_mm).contains(&cell.location)).count()
+            };
+            let before = called(&all);
+            assert!(before == 0 || called(&without) > 0, "seed {seed}, without controls at {mm} mm");
+            called_count += usize::from(before > 0);
+        }
+    }
+    assert!(called_count >= 4, "{called_count}");
+}
