@@ -54,7 +54,7 @@ struct Spread {
     /// Those of [`FREE_OF_GAIN`] that the reference has.
     discriminators: Vec<Discriminator>,
     casing_count: usize,
-    /// Covariance of the levels of a shoulder.
+    /// Mean square of the levels of a shoulder about their means.
     of_shoulder: Mat<f64>,
     /// Mean square of the difference of the two shoulders of a casing, and of how many, where enough have two.
     of_difference: Option<(Mat<f64>, usize)>,
@@ -108,27 +108,34 @@ impl Levels {
         })
     }
 
-    /// The probability that a sound shoulder's levels lie as far off the reference's as those of this one, or from the
-    /// `other` shoulder of its casing, twice the smaller of the two; `None` where it has no levels, or too few casings tell.
+    /// The probability that a sound shoulder's levels lie as far off the reference's as those of this one; where its casing has an
+    /// `other` shoulder and the reference knows how two differ, twice the smaller of this and of the same for their difference. `None`
+    /// where it has no levels, or too few casings tell.
     pub(crate) fn probability(&self, of: &Sound<'_>, other: Option<&Sound<'_>>) -> Option<f64> {
         let spread = self.spread.as_ref()?;
         let above = |of: &Sound<'_>| self.above(of, &spread.discriminators);
         let own = above(of)?;
-        let (n, p) = (spread.casing_count as f64, spread.discriminators.len() as f64);
-        // Hotelling's T^2 of a new observation. The shoulders of a casing are alike: casings count.
-        let t_squared = distance(&spread.of_shoulder, &own)? * n / (n + 1.0);
-        let of_shoulder = f_tail(t_squared * (n - p) / (p * (n - 1.0)), p, n - p)?;
-        let of_pair = spread.of_difference.as_ref().zip(other).and_then(|((covariance, count), other)| {
-            let t_squared = distance(covariance, &minus(&own, &above(other)?))?;
-            let n = *count as f64;
-            f_tail(t_squared * (n - p + 1.0) / (n * p), p, n - p + 1.0)
-        });
-        let least = of_pair.map_or(of_shoulder, |of_pair| if of_pair < of_shoulder { of_pair } else { of_shoulder });
-        Some(if 2.0 * least < 1.0 { 2.0 * least } else { 1.0 })
+        let difference = other.and_then(|other| Some(minus(&own, &above(other)?)));
+        spread.probability(&own, difference.as_deref())
     }
 }
 
 impl Spread {
+    /// Of levels that lie `above` the reference's, and that differ so from the other shoulder of the casing.
+    fn probability(&self, above: &[f64], difference: Option<&[f64]>) -> Option<f64> {
+        let (n, p) = (self.casing_count as f64, self.discriminators.len() as f64);
+        // Hotelling's T^2 of a new observation, by a mean square about the mean. The shoulders of a casing are alike: casings count.
+        let of_shoulder = f_tail(distance(&self.of_shoulder, above)? * (n - p) / (p * (n + 1.0)), p, n - p)?;
+        // Of a difference the mean is known: it is 0.
+        let of_pair = self.of_difference.as_ref().zip(difference).and_then(|((mean_square, count), difference)| {
+            let n = *count as f64;
+            f_tail(distance(mean_square, difference)? * (n - p + 1.0) / (n * p), p, n - p + 1.0)
+        });
+        let Some(of_pair) = of_pair else { return Some(of_shoulder) };
+        let least = if of_pair < of_shoulder { of_pair } else { of_shoulder };
+        Some(if 2.0 * least < 1.0 { 2.0 * least } else { 1.0 })
+    }
+
     /// By `shoulders`, whose means `levels` has; `None` of fewer than five casings, or where their levels do not vary.
     fn fit(levels: &Levels, shoulders: &[&Sound<'_>]) -> Option<Self> {
         let has = |which: &Discriminator| {
@@ -162,7 +169,7 @@ fn minus(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a - b).collect()
 }
 
-/// The mean of the outer squares of `rows`, whose expected value is 0; `None` where a column does not vary.
+/// The mean of the outer squares of `rows`; `None` where a column does not vary.
 fn mean_square(rows: &[Vec<f64>], width: usize) -> Option<Mat<f64>> {
     let count = rows.len() as f64;
     let square = Mat::from_fn(width, width, |i, j| rows.iter().map(|row| row[i] * row[j]).sum::<f64>() / count);
@@ -178,4 +185,43 @@ fn distance(covariance: &Mat<f64>, x: &[f64]) -> Option<f64> {
 
 fn f_tail(f: f64, p: f64, q: f64) -> Option<f64> {
     (f.is_finite() && f >= 0.0).then(|| stats::f_tail(f, p, q)).filter(|tail| !tail.is_nan())
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng as _;
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution as _, StandardNormal};
+
+    use super::*;
+
+    #[test]
+    fn levels_of_sound_shoulders_are_as_rare_as_stated() {
+        // Catches a covariance with the divisor of a known mean, and a probability of one test that is doubled as if there were two.
+        const WIDTH: usize = FREE_OF_GAIN.len();
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut draw = || -> Vec<f64> { StandardNormal.sample_iter(&mut rng).take(WIDTH).collect() };
+        for (count, has_other) in [(5, false), (12, false), (8, true)] {
+            let mut below = 0;
+            for _ in 0..4000 {
+                let casings: Vec<Vec<f64>> = (0..count).map(|_| draw()).collect();
+                let mean: Vec<f64> =
+                    (0..WIDTH).map(|d| casings.iter().map(|c| c[d]).sum::<f64>() / count as f64).collect();
+                let rows: Vec<Vec<f64>> = casings.iter().map(|casing| minus(casing, &mean)).collect();
+                let differences: Vec<Vec<f64>> = (0..count).map(|_| draw()).collect();
+                let spread = Spread {
+                    discriminators: FREE_OF_GAIN.to_vec(),
+                    casing_count: count,
+                    of_shoulder: mean_square(&rows, WIDTH).unwrap(),
+                    of_difference: has_other.then(|| (mean_square(&differences, WIDTH).unwrap(), count)),
+                };
+                let difference = draw();
+                let p = spread.probability(&minus(&draw(), &mean), Some(&difference)).unwrap();
+                below += u32::from(p < 0.05);
+            }
+            // Four standard deviations of the part are 0.014.
+            let part = f64::from(below) / 4000.0;
+            assert!((part - 0.05).abs() < 0.014, "{count} casings, with another shoulder: {has_other}: {part}");
+        }
+    }
 }
