@@ -256,7 +256,7 @@ fn start(role: &str, stdin: Stdio) -> Result<Consumer> {
 
 /// Limits of a line with room for these records and little else.
 fn limits(bytes: usize) -> Limits {
-    let casing = CasingLimits { taps: 1, room: 0, scans: 1, locations: 1, record_bytes: bytes };
+    let casing = CasingLimits { taps: 1, room: 0, scans: 1, locations: 1, known_locations: 0, record_bytes: bytes };
     Limits { casing, ..Limits::default() }
 }
 

@@ -153,6 +153,7 @@ impl Config {
             room: 0,
             scans: self.line.scans_max,
             locations: self.line.taps_max,
+            known_locations: self.line.taps_max,
             record_bytes: self.line.record_samples_max * SAMPLE_BYTES_MAX,
         };
         let of = |station: &StationConfig| match station.source {

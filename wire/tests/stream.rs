@@ -22,7 +22,14 @@ const SAMPLES: u32 = 1024;
 const LONG: Duration = Duration::from_secs(30);
 
 fn limits() -> Limits {
-    let casing = CasingLimits { taps: 4, room: 0, scans: 1, locations: 4, record_bytes: SAMPLES as usize * 2 };
+    let casing = CasingLimits {
+        taps: 4,
+        room: 0,
+        scans: 1,
+        locations: 4,
+        known_locations: 0,
+        record_bytes: SAMPLES as usize * 2,
+    };
     Limits { casing, ..Limits::default() }
 }
 

@@ -215,6 +215,7 @@ impl ScanConfig {
             room: self.room() as usize,
             scans: self.shoulders.into(),
             locations: self.locations as usize,
+            known_locations: usize::from(self.shoulders) * self.locations as usize,
             record_bytes,
         }
     }

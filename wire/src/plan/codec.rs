@@ -116,8 +116,7 @@ impl Plan {
 
     /// Bytes of the longest plan within `limits`.
     pub(crate) fn encoded_bytes_max(limits: &CasingLimits) -> usize {
-        // The truth is known for no more locations than have taps, or than a scan may have.
-        4 + HEAD_BYTES_MAX + limits.taps * TAP_BYTES + limits.scans * limits.locations * size_of::<TruthRow>()
+        4 + HEAD_BYTES_MAX + limits.taps * TAP_BYTES + limits.known_locations * size_of::<TruthRow>()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Plan, Scan};
+use crate::Plan;
 
 /// How large a casing is, or the largest of several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -16,6 +16,8 @@ pub struct CasingLimits {
     pub scans: usize,
     /// Locations of the largest scan.
     pub locations: usize,
+    /// Locations of which it is known whether they are cracked.
+    pub known_locations: usize,
     /// Bytes of the longest record's samples.
     pub record_bytes: usize,
 }
@@ -27,7 +29,8 @@ impl CasingLimits {
             taps: plan.taps().len(),
             room: plan.added().len(),
             scans: plan.scans().len(),
-            locations: plan.scans().iter().map(|scan| locations_of(plan, scan)).max().unwrap_or(0),
+            locations: plan.scans().iter().map(|scan| scan.locations.len()).max().unwrap_or(0),
+            known_locations: plan.truth().len(),
             record_bytes: plan.recording.payload_bytes_max(),
         }
     }
@@ -40,6 +43,7 @@ impl CasingLimits {
             room: self.room.max(other.room),
             scans: self.scans.max(other.scans),
             locations: self.locations.max(other.locations),
+            known_locations: self.known_locations.max(other.known_locations),
             record_bytes: self.record_bytes.max(other.record_bytes),
         }
     }
@@ -53,18 +57,13 @@ impl CasingLimits {
             ("taps that may be added", room, self.room, "taps_max"),
             ("scans", need.scans, self.scans, "scans_max"),
             ("locations per scan", need.locations, self.locations, "taps_max"),
+            ("locations in truth.csv", need.known_locations, self.known_locations, "taps_max"),
             ("bytes per record", need.record_bytes, self.record_bytes, "record_samples_max, 4 bytes each"),
         ]
         .into_iter()
         .find(|&(_, need, most, _)| need > most)
         .map(|(what, need, most, key)| format!("it has {need} {what}; this line has room for {most} ([line] {key})"))
     }
-}
-
-/// Number of locations of `scan`: those tapped or those whose truth is known, whichever is greater.
-fn locations_of(plan: &Plan, scan: &Scan) -> usize {
-    let of_scan = (scan.tyre, scan.shoulder, 0)..=(scan.tyre, scan.shoulder, u32::MAX);
-    scan.locations.len().max(plan.truth().range(of_scan).count())
 }
 
 /// What a line has room for: the sizes of its topics follow from it, so all its processes must agree on it.
@@ -83,8 +82,14 @@ impl Default for Limits {
     /// One station; two shoulders of 100 locations, four offsets, three velocities, two repetitions; records of two channels of
     /// 2048 samples of 16 bits.
     fn default() -> Self {
-        let casing =
-            CasingLimits { taps: 2 * 4 * 3 * 2 * 101, room: 0, scans: 2, locations: 100, record_bytes: 2 * 2048 * 2 };
+        let casing = CasingLimits {
+            taps: 2 * 4 * 3 * 2 * 101,
+            room: 0,
+            scans: 2,
+            locations: 100,
+            known_locations: 200,
+            record_bytes: 2 * 2048 * 2,
+        };
         Self { acquire_count: 1, stations: vec![1], casing }
     }
 }
@@ -122,10 +127,14 @@ mod tests {
         let recording = Recording { sample_count_max: 100, ..recording() };
         let plan = Plan::new(Geometry::Line, recording, vec![tap(2), tap(5)], truth).unwrap();
         let need = CasingLimits::from_plan(&plan);
-        assert_eq!(need, CasingLimits { taps: 2, room: 0, scans: 1, locations: 9, record_bytes: 400 });
+        let expected = CasingLimits { taps: 2, room: 0, scans: 1, locations: 2, known_locations: 9, record_bytes: 400 };
+        assert_eq!(need, expected);
         assert_eq!(need.exceeded_by(&plan, 0), None);
         assert!(need.exceeded_by(&plan, 1).unwrap().contains("3 taps; this line has room for 2 ([line] taps_max)"));
-        let narrow = CasingLimits { locations: 2, ..need };
-        assert!(narrow.exceeded_by(&plan, 0).unwrap().contains("9 locations per scan"));
+        let narrow = CasingLimits { known_locations: 8, ..need };
+        assert!(narrow.exceeded_by(&plan, 0).unwrap().contains("9 locations in truth.csv"));
+        // Catches a watched folder, for which each scan may be the largest, that reserves so much for each of them.
+        let watched = CasingLimits { taps: 8192, scans: 64, locations: 8192, known_locations: 8192, ..need };
+        assert!(Plan::encoded_bytes_max(&watched) < 1 << 20);
     }
 }
