@@ -210,7 +210,7 @@ struct RigCasing {
     /// Its taps, once the rig has hit.
     struck: Box<dyn Source>,
     retakes: u16,
-    /// The tap that failed last, and how often.
+    /// The tap that failed last, and how often; hits that were not heard do not count.
     failed: Option<(Tap, u16)>,
     /// The tap that was heard last.
     heard: Option<Tap>,
@@ -328,10 +328,11 @@ impl Source for RigCasing {
             Progress::Failed(why) => {
                 let failed = self.failed.take().filter(|(of, _)| *of == (row, attempt)).map_or(0, |(_, count)| count);
                 // An unheard hit is no fault of this tap: it waits until it is heard, or the casing is taken away.
-                if !why.starts_with(UNHEARD) {
+                let is_unheard = why.starts_with(UNHEARD);
+                if !is_unheard {
                     self.unheard = None;
                 }
-                if failed >= self.retakes && self.unheard.is_none() {
+                if failed >= self.retakes && !is_unheard {
                     let reason = format!("the rig cannot make this tap: {why}");
                     // The next taps may fail for the same reason: one alarm per casing.
                     if !std::mem::replace(&mut self.has_refused, true) {
@@ -339,7 +340,7 @@ impl Source for RigCasing {
                     }
                     return Readiness::Refused(self.refusal(reason));
                 }
-                self.failed = Some(((row, attempt), failed.saturating_add(1)));
+                self.failed = Some(((row, attempt), failed.saturating_add(u16::from(!is_unheard))));
                 self.poll(row, attempt)
             }
         }

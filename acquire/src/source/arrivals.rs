@@ -60,7 +60,8 @@ pub trait Arrivals: Send + fmt::Debug {
     /// logged and skipped.
     fn next(&mut self) -> Result<Arrival, Error>;
 
-    /// Takes note of how the casing `name` ended. Casings of one name end in the order in which they came.
+    /// Takes note of how the casing `name` ended. Casings of one name are closed in the order in which they came; one that is refused is
+    /// the last of them.
     fn ended(&mut self, name: &str, end: &CasingEnd) {
         let _nobody_asks = (name, end);
     }
@@ -74,6 +75,11 @@ pub trait Arrivals: Send + fmt::Debug {
     /// another follows it. From a list or a folder each comes until it is done, and a missing one is gone: `None`.
     fn patience(&self) -> Option<Duration> {
         None
+    }
+
+    /// Whether something keeps it from seeing which casings are there: then none is known to be gone.
+    fn is_blind(&self) -> bool {
+        false
     }
 
     /// Casings and sets that were skipped or put aside, with the reason, and have not been reported yet.

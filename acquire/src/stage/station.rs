@@ -244,7 +244,7 @@ impl Station {
 
     /// Gives up the casings that have been away for too long.
     fn give_up_overdue(&mut self, outlet: &Outlet<'_>) -> Result<(), LineError> {
-        if self.left_over.is_empty() {
+        if self.left_over.is_empty() || self.arrivals.is_blind() {
             self.left_over_since = None;
             return Ok(());
         }

@@ -48,7 +48,7 @@ pub struct TapRow {
 pub(crate) fn parse(file: &Path, text: &str, geometry: Geometry) -> Result<Vec<TapRow>, Error> {
     let mut rows = tap_rows(file, text, geometry)?;
     // A list with one velocity says how fast each tap was.
-    if !text.lines().next().is_some_and(|header| header.contains(MEASURED)) {
+    if !text.lines().find(|line| !line.trim().is_empty()).is_some_and(|header| header.contains(MEASURED)) {
         rows.iter_mut().for_each(|row| row.velocity_measured_m_per_s = row.tap.id.velocity_m_per_s());
     }
     refuse_shared_recordings(file, &rows)?;
@@ -302,6 +302,8 @@ mod tests {
         let rows = parse(Path::new("taps.csv"), &text, Geometry::Ring).unwrap();
         assert_eq!(rows[0].tap.id.velocity_m_per_s(), Some(1.85));
         assert_eq!((rows[0].velocity_measured_m_per_s, rows[1].velocity_measured_m_per_s), (Some(2.03), None));
+        let empty_first = parse(Path::new("taps.csv"), &format!("\n{text}"), Geometry::Ring).unwrap();
+        assert_eq!(empty_first[0].velocity_measured_m_per_s, Some(2.03));
         assert_eq!(ring("a.wav,T,1,,1.85,0,,0\n")[0].velocity_measured_m_per_s, Some(1.85));
         let listed =
             tap_rows(Path::new("taps.csv"), &format!("{HEADER}a.wav,T,1,,1.85,0,,0\n"), Geometry::Ring).unwrap();

@@ -255,8 +255,13 @@ impl Arrivals for FolderArrivals {
     }
 
     fn ended(&mut self, name: &str, end: &CasingEnd) {
-        // Sets are begun one after the other, so of two casings with one name, the first is in the first set.
-        let Some(set) = self.sets.iter_mut().find(|set| set.open.iter().any(|open| open == name)) else { return };
+        // Of two casings with one name, the one that is closed first is in the set that was begun first.
+        let has = |set: &OpenSet| set.open.iter().any(|open| open == name);
+        let at = match end {
+            CasingEnd::Closed { .. } => self.sets.iter().position(has),
+            CasingEnd::Refused { .. } => self.sets.iter().rposition(has),
+        };
+        let Some(set) = at.map(|at| &mut self.sets[at]) else { return };
         set.open.retain(|open| open != name);
         match end {
             CasingEnd::Closed { file, was_there } => {
@@ -291,6 +296,10 @@ impl Arrivals for FolderArrivals {
             (None, [first, _]) => format!("{first}; another set is incomplete too"),
             (None, [first, others @ ..]) => format!("{first}; {} other sets are incomplete too", others.len()),
         }
+    }
+
+    fn is_blind(&self) -> bool {
+        self.fault.is_some() || !self.unreadable.is_empty()
     }
 
     fn take_refusals(&mut self) -> Vec<String> {

@@ -112,6 +112,7 @@ fn a_set_that_may_not_be_read_is_an_alarm() {
     assert!(folder.waits_for().starts_with("the tap set ") && folder.waits_for().contains("inbox/a: "));
     let refusals = folder.take_refusals();
     assert!(refusals.len() == 1 && refusals[0].starts_with("tap set a cannot be read: "), "{refusals:?}");
+    assert!(folder.is_blind(), "a half-judged casing of it is not gone");
 }
 
 /// Catches a folder that cannot be watched, and a message that does not name it.
@@ -162,6 +163,18 @@ fn bad_sets_are_put_aside_and_half_ones_waited_for() {
     assert_eq!(fs::read_to_string(inbox.join("failed/b").join(REASON)).unwrap(), "B: too large\n");
 }
 
+/// Catches a set that is put aside as refused while it is judged, because a later one has a casing of the same name that is too large.
+#[test]
+fn the_casing_that_came_last_is_the_refused_one() {
+    let (dir, mut folder) = watched();
+    deliver(&dir, "1", &["A"]);
+    deliver(&dir, "2", &["A"]);
+    assert_eq!((next(&mut folder).as_deref(), next(&mut folder).as_deref()), (Some("A"), Some("A")));
+    folder.ended("A", &CasingEnd::Refused { reason: "too large".to_owned() });
+    close(&mut folder, "A");
+    assert_eq!((names_in(&dir, "done"), names_in(&dir, "failed")), (vec!["1".to_owned()], vec!["2".to_owned()]));
+}
+
 /// Catches a restarted line that leaves out a set, or repeats casings that were done.
 #[test]
 fn half_done_sets_are_found_again() {
@@ -189,7 +202,9 @@ fn a_folder_that_is_gone_is_waited_for() {
     fs::rename(&inbox, &away).unwrap();
     assert_eq!(next(&mut folder), None);
     assert!(folder.waits_for().contains("No such file"), "{}", folder.waits_for());
+    assert!(folder.is_blind(), "half-judged casings are not gone");
     fs::rename(&away, &inbox).unwrap();
+    assert!(next(&mut folder).is_none() && !folder.is_blind());
     deliver(&dir, "a", &["A", "B"]);
     let target = dir.path().join("target");
     std::os::unix::fs::symlink(&target, inbox.join("a").join(CLOSED)).unwrap();

@@ -47,6 +47,10 @@ impl Dialogue {
             RigMessage::Removed => {
                 self.discard_loaded();
                 self.last_end.clear();
+                if let Some(path) = &self.config.last_end {
+                    // A line that starts anew is not to take the next casing of this serial for it.
+                    drop(std::fs::remove_file(path));
+                }
                 self.remove_current("it was taken away from the rig before its last tap");
                 Ok(true)
             }
@@ -98,7 +102,8 @@ impl Dialogue {
             RigMessage::Error(why) => {
                 let RigConfig { station, address, .. } = &self.config;
                 tracing::warn!("station {station}: the rig at {address} reports {why:?}");
-                if let Some(pending) = self.pending.take() {
+                // A ping may have crossed it, and is still to be answered.
+                if let Some(pending) = self.pending.take_if(|pending| pending.command != Command::Ping) {
                     self.unanswered.take_if(|(text, _)| *text == pending.text);
                     // It has no home. A rig that cannot find its home says that it is stopped, or refuses to move.
                     self.is_homed |= pending.command == Command::Home;

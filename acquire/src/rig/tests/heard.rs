@@ -142,3 +142,24 @@ fn a_hit_below_the_trigger_level_is_told_with_its_height() {
     assert!(told.contains("the force rose to 24.4 % of full scale"), "{told}");
     assert!(told.ends_with("the trigger level is 50.0 %"), "{told}");
 }
+
+#[test]
+fn an_unheard_hit_uses_up_no_try() {
+    // Catches a tap that is refused at the first fault of the rig, because the microphone was unplugged before.
+    let (bench, cable, mut rig, mut casing) = heard_bench();
+    cable.play([Step::Frames(frames(0..1000, &[]))]);
+    rig.is_homed(&bench, &mut casing, 0, "homed\n");
+    for from in [1000, 3000] {
+        strike(&mut rig, || cable.play([Step::Frames(frames(from..from + 2000, &[]))]));
+        bench.until_told(&mut casing, 0, "move 1 0 0 5");
+        assert_eq!(rig.hear(), "move 1 0 0 5");
+    }
+    rig.say("error no air\n");
+    rig.stream.set_read_timeout(Some(Duration::from_millis(50))).unwrap();
+    let (mut told, since) = (String::new(), Instant::now());
+    while rig.heard.read_line(&mut told).is_err() {
+        assert_eq!(casing.taps.poll(0, 0), Readiness::NotYet);
+        assert!(since.elapsed() < LONG);
+    }
+    assert_eq!(told, "move 1 0 0 5\n");
+}
