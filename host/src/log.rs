@@ -40,17 +40,18 @@ pub fn start(args: LogArgs, level: Option<LevelFilter>) -> Result<(), String> {
         LogFormat::Text => log.with_ansi(colour::is_shown(&std::io::stderr())).boxed(),
         LogFormat::Json => log.with_ansi(false).json().flatten_event(true).boxed(),
     };
-    // Whatever strangers send to the OPC UA server would be logged as an error of the line; NATS client messages are logged again,
-    // the server's name.
-    let usual = || {
-        Targets::new()
-            .with_default(level)
-            .with_target("opcua", LevelFilter::OFF)
-            .with_target("async_nats", LevelFilter::OFF)
-    };
-    let filter = filter.unwrap_or_else(usual).with_target(SAID, LevelFilter::INFO);
-    tracing_subscriber::registry().with(filter).with(log).init();
+    let filter = filter.unwrap_or_else(|| Targets::new().with_default(level));
+    tracing_subscriber::registry().with(without_strangers(filter)).with(log).init();
     fault.map_or(Ok(()), Err)
+}
+
+/// `filter` without what libraries log of strangers, unless it names them: whatever somebody sends to the OPC UA server would be an error of
+/// the line, and what the NATS client says is logged with the name of the server already.
+fn without_strangers(filter: Targets) -> Targets {
+    ["opcua", "async_nats"].into_iter().fold(filter.with_target(SAID, LevelFilter::INFO), |filter, library| {
+        let is_named = filter.iter().any(|(target, _)| target.starts_with(library));
+        if is_named { filter } else { filter.with_target(library, LevelFilter::OFF) }
+    })
 }
 
 /// What is logged by `text`: a level, or levels of parts of the program (`info,tapline_store=debug`).
@@ -82,4 +83,23 @@ pub fn arguments() -> Vec<String> {
     let log = ["--log", "json"].into_iter().filter(|_| args.log == LogFormat::Json);
     let verbose = std::iter::repeat_n("-v", args.verbose.into());
     log.chain(verbose).chain(args.quiet.then_some("-q")).map(str::to_owned).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use tracing::Level;
+
+    use super::*;
+
+    /// Catches a level of `TAPLINE_LOG` with which strangers fill the log, and a library that cannot be looked at any more.
+    #[test]
+    fn strangers_are_logged_only_by_name() {
+        let logs =
+            |text: &str, library: &str| without_strangers(targets(text).unwrap()).would_enable(library, &Level::ERROR);
+        for library in ["opcua::server", "async_nats"] {
+            assert!(!logs("debug", library) && !logs("warn,tapline_store=debug", library), "{library}");
+            assert!(logs("warn,opcua=error,async_nats=info", library), "{library}");
+        }
+        assert!(logs("warn", "tapline_store"));
+    }
 }

@@ -16,7 +16,7 @@ const STANDS_FOR: Duration = Duration::from_secs(600);
 /// The current state of a station.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum StationState {
-    /// The line starts, ends or hangs.
+    /// The line starts, ends, hangs or is held: which casing is at the station is not known.
     NoSignal,
     /// No casing, and no current verdict.
     Ready,
@@ -50,6 +50,8 @@ struct State {
     /// When the line last sent its status; `None` before the first.
     at: Option<Instant>,
     is_ended: bool,
+    /// Whether something keeps it from taking in casings.
+    is_held: bool,
     /// How often it has sent its status.
     beats: u64,
     stations: BTreeMap<u16, Station>,
@@ -91,9 +93,10 @@ impl Now {
         }
     }
 
-    /// The line sends its status, with its stations.
-    pub(crate) fn show(&self, shown: &[StationStatus]) {
+    /// The line sends its status, with its stations; `is_held` says whether something keeps it from taking in casings.
+    pub(crate) fn show(&self, shown: &[StationStatus], is_held: bool) {
         let mut state = self.state();
+        state.is_held = is_held;
         state.at = Some(Instant::now());
         state.beats += 1;
         for shown in shown {
@@ -109,10 +112,10 @@ impl Now {
         self.state().is_ended = true;
     }
 
-    /// Whether the line works.
+    /// Whether the line works, and knows which casings are at its stations.
     pub(crate) fn is_alive(&self) -> bool {
         let state = self.state();
-        !state.is_ended && state.at.is_some_and(|at| at.elapsed() < SILENT_AFTER)
+        !state.is_ended && !state.is_held && state.at.is_some_and(|at| at.elapsed() < SILENT_AFTER)
     }
 
     /// How often the line has sent its status: at least once a second while it works.
@@ -150,7 +153,8 @@ mod tests {
 
     use super::*;
 
-    /// Catches a verdict that stands, and a station that counts as ready, while the line hangs or after it has ended.
+    /// Catches a verdict that stands, and a station that counts as ready, while the line hangs, while a full disk keeps it from taking in
+    /// the next casing, or after it has ended.
     #[test]
     fn a_line_that_hangs_says_nothing() {
         let now = Now::new(&[1]);
@@ -169,12 +173,16 @@ mod tests {
             missing: 0,
             file: PathBuf::new(),
         };
-        now.show(&shown);
+        now.show(&shown, false);
         now.judged(&verdict, false);
         assert_eq!(now.at(1), (StationState::Judged(Arc::new(verdict)), 1));
         now.state().at = Instant::now().checked_sub(SILENT_AFTER);
         assert_eq!((now.at(1), now.latest()), ((StationState::NoSignal, 0), None));
-        now.show(&shown);
+        now.show(&shown, false);
+        assert!(matches!(now.at(1), (StationState::Judged(_), 1)));
+        now.show(&shown, true);
+        assert_eq!((now.at(1), now.latest()), ((StationState::NoSignal, 0), None));
+        now.show(&shown, false);
         assert!(matches!(now.at(1), (StationState::Judged(_), 1)));
         now.end();
         assert_eq!((now.at(1), now.latest()), ((StationState::NoSignal, 0), None));

@@ -8,7 +8,6 @@
 use std::collections::BTreeMap;
 use std::fs;
 #[cfg(feature = "plant")]
-use std::ops::Bound;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -77,6 +76,9 @@ struct Waiting {
     /// The verdict, so that it is reported although its file is moved away meanwhile; `None` if an earlier line has left it, or
     /// many wait.
     verdict: Option<Arc<CasingVerdict>>,
+    /// Its number among those that came in, from 1.
+    #[cfg_attr(not(feature = "plant"), expect(dead_code, reason = "only OPC UA asks for it"))]
+    serial: u64,
     /// Whether its file could not be read: it waits for the next start of the line.
     is_unreadable: bool,
 }
@@ -84,6 +86,9 @@ struct Waiting {
 #[derive(Default)]
 struct State {
     waiting: BTreeMap<Place, Waiting>,
+    /// How many came in.
+    #[cfg_attr(not(feature = "plant"), expect(dead_code, reason = "only OPC UA asks for it"))]
+    count: u64,
     /// Notes of casings whose files did not have their names when the line was started.
     unnamed: Vec<Unreported>,
     troubles: BTreeMap<(Receiver, &'static str), String>,
@@ -170,7 +175,9 @@ impl Outbox {
         }
         let key = (note.at_ns, note.number);
         let verdict = verdict.filter(|_| state.waiting.len() < KEPT_MAX);
-        state.waiting.insert(key, Waiting { note, file_name, owed, verdict, is_unreadable: false });
+        state.count += 1;
+        let serial = state.count;
+        state.waiting.insert(key, Waiting { note, file_name, owed, verdict, serial, is_unreadable: false });
         state.wakes.iter().for_each(|wake| wake());
     }
 
@@ -208,19 +215,21 @@ impl Outbox {
         self.state().owed(receiver).take(most).map(|waiting| waiting.note.id()).collect()
     }
 
-    /// The place of the newest verdict, for [`Outbox::newer`].
+    /// How many verdicts have come in.
     #[cfg(feature = "plant")]
-    pub(crate) fn newest(&self) -> Option<Place> {
-        self.state().waiting.keys().next_back().copied()
+    pub(crate) fn count(&self) -> u64 {
+        self.state().count
     }
 
-    /// The verdicts after `place` that `receiver` is to be sent, the oldest first.
+    /// The verdicts that came in after the first `count`, and that `receiver` is to be sent, each with its number, in the order in which
+    /// they came: the clock may have been set back between them.
     #[cfg(feature = "plant")]
-    pub(crate) fn newer(&self, receiver: Receiver, place: Option<Place>) -> Vec<Unreported> {
-        let after = place.map_or(Bound::Unbounded, Bound::Excluded);
+    pub(crate) fn newer(&self, receiver: Receiver, count: u64) -> Vec<(u64, Unreported)> {
         let state = self.state();
-        let newer = state.waiting.range((after, Bound::Unbounded)).map(|(_, waiting)| waiting);
-        newer.filter(|waiting| waiting.owed.contains(&receiver)).map(|waiting| waiting.note.clone()).collect()
+        let newer = state.owed(receiver).filter(|waiting| waiting.serial > count);
+        let mut newer: Vec<(u64, Unreported)> = newer.map(|waiting| (waiting.serial, waiting.note.clone())).collect();
+        newer.sort_by_key(|(serial, _)| *serial);
+        newer
     }
 
     /// The verdict that `note` is about. Where it cannot be read, `note` is not reported before the next start of the line.

@@ -25,13 +25,17 @@ impl Supervisor<'_> {
         let place = self.open.iter().position(|casing| casing.number == number && number != 0);
         let was_open = place.is_some();
         let name = match place {
-            Some(place) => self.open.swap_remove(place).name,
+            Some(place) => {
+                let casing = self.open.remove(place);
+                // One that lacks taps may have been taken off the rig. If it is still there, it is better scanned again.
+                if casing.header.refused_count == 0 {
+                    self.note_on_rig(station, &casing.name);
+                }
+                casing.name
+            }
             // It was finished before this process started.
             None => path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
         };
-        if was_open {
-            self.note_on_rig(station, &name);
-        }
         let is_again = match (self.is_list, number) {
             (true, _) => !self.known.insert(path.clone()),
             (false, 0) => {

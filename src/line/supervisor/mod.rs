@@ -33,8 +33,9 @@ const END_WITHIN: Duration = Duration::from_secs(20);
 /// How often the stages are checked, and the status is sent if it has changed.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
 
-/// How often the status is sent if nothing has changed, so that viewers know that the line still runs.
-const SHOW_EVERY: Duration = Duration::from_secs(1);
+/// How often the status is sent if nothing has changed, so that viewers know that the line still runs: with [`LOOK_EVERY`] at least once a
+/// second, which controllers on Modbus may watch for.
+const SHOW_EVERY: Duration = Duration::from_millis(700);
 
 /// How often viewers that have died are looked for.
 const CLEAR_EVERY: Duration = Duration::from_secs(60);
@@ -313,7 +314,7 @@ impl<'a> Supervisor<'a> {
     /// Handles the loss of an open casing's file: its station taps it again.
     fn lost_file(&mut self, number: u64, reason: &str) {
         let Some(place) = self.open.iter().position(|casing| casing.number == number) else { return };
-        let casing = self.open.swap_remove(place);
+        let casing = self.open.remove(place);
         self.alarm(format!("casing {}: {reason}; it is tapped again", casing.name));
     }
 
@@ -384,11 +385,14 @@ impl<'a> Supervisor<'a> {
             station.casing = self.open.iter().rev().find(of).map(Open::status);
         }
         self.shown.stages = self.stages.statuses();
-        self.shown.lost_count = self.open.iter().map(|casing| casing.header.lost_count).max().unwrap_or(0);
+        // Of the whole line, in the header of each casing: it stays when the casing has gone.
+        let lost_counts = self.open.iter().map(|casing| casing.header.lost_count);
+        self.shown.lost_count = lost_counts.fold(self.shown.lost_count, u64::max);
         self.shown.settled_count = self.settled() as u64;
         self.shown.taps_per_s = self.rate.taps_per_s();
         if let Some(wires) = &self.audience.wires {
-            wires.now.show(&self.shown.stations);
+            let is_held = self.shown.held_by.is_some() || self.stages.troubles().next().is_some();
+            wires.now.show(&self.shown.stations, is_held);
             self.shown.receivers = wires.outbox.statuses();
         }
         self.shown.troubles = self.troubles();

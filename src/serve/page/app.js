@@ -227,7 +227,9 @@
       return { state: isTapped ? 'judging' : 'scanning', casing };
     }
     const verdict = verdictOf(station);
-    if (verdict && last && ageMs(verdict.at_ns) < LIT_MS) return { state: kindOf(verdict.verdict), casing: last, verdict };
+    // Held, the line does not know whether another casing has come.
+    const isCurrent = verdict && last && !status.held_by && ageMs(verdict.at_ns) < LIT_MS;
+    if (isCurrent) return { state: kindOf(verdict.verdict), casing: last, verdict };
     return { state: 'idle' };
   }
   function verdictOf(station) {

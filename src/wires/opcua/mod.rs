@@ -171,10 +171,10 @@ async fn serve(listener: std::net::TcpListener, prepared: Prepared, plant: Plant
     let run = server.run_with(listener);
     tokio::pin!(run);
     let tell = async {
-        let mut newest = plant.outbox.newest();
+        let mut count = plant.outbox.count();
         while news.next().await {
-            for note in plant.outbox.newer(Receiver::OpcUa, newest) {
-                newest = Some((note.at_ns, note.number));
+            for (number, note) in plant.outbox.newer(Receiver::OpcUa, count) {
+                count = number;
                 if let Some(verdict) = plant.outbox.read(&note) {
                     notify(&handle, namespaces, &verdict);
                 }
