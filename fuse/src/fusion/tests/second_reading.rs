@@ -235,11 +235,10 @@ fn controls_of_another_offset_are_no_ground_to_clear_an_arc() {
         let places = |mm: f64| -> BTreeSet<u32> {
             all.iter().filter(|record| is(record, Purpose::Suspect, mm)).map(|record| record.id.location).collect()
         };
-        let offsets_mm: BTreeSet<u64> =
-            plan.taps().iter().filter_map(|tap| tap.id.offset_mm().map(f64::to_bits)).collect();
-        let offsets_mm: Vec<f64> =
-            offsets_mm.into_iter().map(f64::from_bits).filter(|&mm| !places(mm).is_empty()).collect();
-        for (&mm, &other_mm) in offsets_mm.iter().zip(offsets_mm.iter().skip(1)) {
+        for (mm, other_mm) in [(0.0, 10.0), (10.0, 0.0)] {
+            if places(mm).is_empty() {
+                continue;
+            }
             let without = all.iter().filter(|record| !is(record, Purpose::Control, mm)).copied().collect::<Vec<_>>();
             let called = |records: &[Discriminators]| {
                 let cells = whole(&config, &plan, records).judge(0).unwrap().1;
