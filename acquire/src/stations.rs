@@ -76,9 +76,6 @@ pub struct StationConfig {
     pub rig_home_timeout_s: f64,
     /// How many simulated tyres come; endless if left out.
     pub casings: Option<u64>,
-    /// Number of the first simulated tyre.
-    #[serde(default = "first_casing")]
-    pub first_casing: u64,
 }
 
 fn rig_patience_s() -> f64 {
@@ -91,10 +88,6 @@ fn rig_timeout_s() -> f64 {
 
 fn rig_home_timeout_s() -> f64 {
     60.0
-}
-
-fn first_casing() -> u64 {
-    1
 }
 
 impl StationConfig {
@@ -172,9 +165,6 @@ impl StationConfig {
         self.rig_times(table)?;
         if self.casings == Some(0) {
             return refuse("casings", "0".to_owned(), "at least 1, or left out".to_owned());
-        }
-        if self.first_casing == 0 {
-            return refuse("first_casing", "0".to_owned(), "at least 1".to_owned());
         }
         Ok(())
     }
@@ -287,7 +277,7 @@ pub fn open_station(
             };
             Box::new(RigArrivals::open(rig, scan, simulation, wake)?)
         }
-        _ => Box::new(SimulatedTyres::unlisted(scan, simulation, number, (station.first_casing, station.casings))?),
+        _ => Box::new(SimulatedTyres::unlisted(scan, simulation, number, station.casings)?),
     })
 }
 
@@ -349,7 +339,6 @@ mod tests {
                 one("source = \"rig\"\nrig = \"h:1\"\nrig_patience_s = nan"),
                 "station[0].rig_patience_s is NaN; it must be from 0.001",
             ),
-            (one("source = \"simulated\"\nfirst_casing = 0"), "station[0].first_casing is 0"),
             (one("source = \"simulated\"").replace("= 1", "= 0"), "station[0].number is 0; it must be from 1 to 65535"),
             (
                 one("source = \"simulated\"").repeat(2),

@@ -69,54 +69,50 @@ pub(crate) enum Work {
 
 /// Runs the stage that `args` name until it is asked to stop.
 pub(crate) fn stage(args: &StageArgs) -> Result<bool> {
-    follow_parent(args)?;
+    let role = Role::of_stage(&args.stage).with_context(|| format!("{} is no stage", args.stage))?;
+    follow_parent(role, args.child)?;
     name_process(&stage_name(&args.stage));
     let address = LineAddress::at(&args.line)?;
     let _lock = address.lock_folder()?;
     let setup = Setup::read(&address)?;
     // Only the stage `fuse` uses it.
-    let reference = setup.reference.clone().filter(|_| args.stage == "fuse");
+    let reference = setup.reference.clone().filter(|_| role == Role::Fuse);
     let job = Job::of_copy(&setup.config_toml, reference, setup.out.clone())?;
-    let join = |role| -> Result<Line> {
-        Ok(Line::join(&address, role, &setup.limits, stop_flag().context("cannot listen for signals")?)?)
-    };
-    let work = match args.stage.split_once('-') {
-        None if args.stage == "process" => {
-            Work::Process(tapline_process::run(&join(Role::Process)?, &job.config.process)?)
-        }
-        None if args.stage == "fuse" => {
+    let stop = stop_flag().context("cannot listen for signals")?;
+    let line = Line::join(&address, role, &setup.limits, stop)?;
+    let work = match role {
+        Role::Process => Work::Process(tapline_process::run(&line, &job.config.process)?),
+        Role::Fuse => {
             let fusions = job.fusions();
-            Work::Fuse(tapline_fuse::run(&join(Role::Fuse)?, &|plan| fusions.for_plan(plan))?)
+            Work::Fuse(tapline_fuse::run(&line, &|plan| fusions.for_plan(plan))?)
         }
-        None if args.stage == "store" => match tapline_store::run(&join(Role::Store)?, &setup.store_run(&job)) {
+        Role::Store => match tapline_store::run(&line, &setup.store_run(&job)) {
             Err(error @ tapline_store::RunError::FileSystem { .. }) => {
                 tracing::error!("{error}");
                 bail!(error)
             }
             outcome => Work::Store(outcome?),
         },
-        Some(("acquire", number)) => {
-            let number: u16 = number.parse().with_context(|| format!("{} is no stage", args.stage))?;
-            let line = join(Role::Acquire(number))?;
+        Role::Acquire(number) => {
             let waker = line.waker();
             let wake: Wake = Arc::new(move || waker.wake());
             let stations = setup.arrivals(&job, number, &wake)?;
             Work::Acquire(tapline_acquire::run(&line, stations, &job.config.acquire)?)
         }
-        _ => bail!("{} is no stage", args.stage),
+        Role::Supervisor | Role::Viewer(_) => bail!("{} is no stage", args.stage),
     };
     report(work)
 }
 
 /// Makes this process end when the line that started it ends. A child does this first: a line that is killed while its
 /// children are still starting must not leave them behind.
-fn follow_parent(args: &StageArgs) -> Result<()> {
+fn follow_parent(role: Role, parent: i32) -> Result<()> {
     use rustix::process::{Signal, getppid, set_parent_process_death_signal};
     // `store` saves what it has. `acquire` has nothing to save: it would wait for a `store` that nobody replaces.
-    let signal = if args.stage.starts_with("acquire-") { Signal::KILL } else { Signal::TERM };
+    let signal = if matches!(role, Role::Acquire(_)) { Signal::KILL } else { Signal::TERM };
     set_parent_process_death_signal(Some(signal)).context("cannot ask to end with the line")?;
-    if getppid().is_none_or(|pid| pid.as_raw_nonzero().get() != args.child) {
-        bail!("the line that started this stage (process {}) has ended", args.child);
+    if getppid().is_none_or(|pid| pid.as_raw_nonzero().get() != parent) {
+        bail!("the line that started this stage (process {parent}) has ended");
     }
     Ok(())
 }

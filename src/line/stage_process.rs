@@ -10,6 +10,8 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, Result, bail};
 use rustix::process::{Pid, Signal, kill_process};
 
+use tapline_wire::Role;
+
 use crate::line::process_name::stage_name;
 use crate::line::stage::{DISK_FAILED, StageReport};
 
@@ -28,6 +30,7 @@ const STARTS_WITHIN: Duration = Duration::from_secs(60);
 /// A stage of the line, across restarts.
 #[derive(Debug)]
 pub(crate) struct StageProcess {
+    role: Role,
     name: String,
     arguments: Vec<String>,
     child: Option<Child>,
@@ -50,10 +53,11 @@ pub(crate) struct StageProcess {
 }
 
 impl StageProcess {
-    /// Starts `tapline` with `arguments` as the stage called `name`.
-    pub(crate) fn start(name: String, arguments: Vec<String>) -> Result<Self> {
+    /// Starts `tapline` with `arguments` as the stage of this role.
+    pub(crate) fn start(role: Role, arguments: Vec<String>) -> Result<Self> {
         let mut stage = Self {
-            name,
+            role,
+            name: role.name(),
             arguments,
             child: None,
             ended: None,
@@ -90,6 +94,10 @@ impl StageProcess {
         self.heard.1 = Instant::now();
         (self.has_begun, self.is_silent) = (false, false);
         Ok(())
+    }
+
+    pub(crate) fn role(&self) -> Role {
+        self.role
     }
 
     pub(crate) fn name(&self) -> &str {
@@ -172,7 +180,7 @@ impl StageProcess {
     }
 
     fn silence(&self) -> String {
-        let disk = if self.name == "store" { "its disk is slow or hangs, or " } else { "" };
+        let disk = if self.role == Role::Store { "its disk is slow or hangs, or " } else { "" };
         format!("{} does not answer: {disk}it is held up", self.name)
     }
 

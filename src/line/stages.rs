@@ -14,7 +14,7 @@ use crate::line::stage_process::StageProcess;
 use crate::shown::status::StageStatus;
 
 /// `store`, `fuse` and `process`, in this order, come before the sources.
-const DOWNSTREAM: [&str; 3] = ["store", "fuse", "process"];
+const DOWNSTREAM: [Role; 3] = [Role::Store, Role::Fuse, Role::Process];
 
 /// For how long after a start memory for connections is reserved, and at what interval.
 const SECURED_FOR: Duration = Duration::from_secs(10);
@@ -48,11 +48,10 @@ impl<'a> Stages<'a> {
         folder: &'a mut OutFolder,
     ) -> Result<Self> {
         // Downstream first, so that every sender has a receiver.
-        let acquires = (0..setup.limits.acquire_count).map(|number| format!("acquire-{number}"));
+        let acquires = (0..setup.limits.acquire_count).map(Role::Acquire);
         let mut all = Vec::new();
-        for name in DOWNSTREAM.iter().map(|&name| name.to_owned()).chain(acquires) {
-            let arguments = arguments(&name, address.root())?;
-            all.push(StageProcess::start(name, arguments)?);
+        for role in DOWNSTREAM.into_iter().chain(acquires) {
+            all.push(StageProcess::start(role, arguments(&role.name(), address.root())?)?);
         }
         Ok(Self {
             line,
@@ -99,7 +98,7 @@ impl<'a> Stages<'a> {
         if has_died {
             self.started_at = Instant::now();
             for stage in &self.all {
-                self.line.notify(role_of(stage.name()));
+                self.line.notify(stage.role());
             }
         }
         Ok(has_died)
@@ -108,7 +107,7 @@ impl<'a> Stages<'a> {
     /// Raises an alarm for each that is held up since.
     pub(crate) fn listen(&mut self) {
         for stage in &mut self.all {
-            let beats = self.line.beats(role_of(stage.name()));
+            let beats = self.line.beats(stage.role());
             self.alarms.extend(stage.hear(beats));
         }
     }
@@ -183,7 +182,7 @@ impl<'a> Stages<'a> {
     /// Wakes those that were asked to end: one may have begun to wait in the moment before it was asked.
     pub(crate) fn wake(&self, which: Range<usize>) {
         for stage in &self.all[which] {
-            self.line.notify(role_of(stage.name()));
+            self.line.notify(stage.role());
         }
     }
 
@@ -224,14 +223,5 @@ impl<'a> Stages<'a> {
     /// How often they were restarted.
     pub(crate) fn restarts(&self) -> u32 {
         self.all.iter().map(|stage| stage.restart_count).sum()
-    }
-}
-
-fn role_of(stage: &str) -> Role {
-    match stage.split_once('-').and_then(|(_, number)| number.parse().ok()) {
-        Some(number) => Role::Acquire(number),
-        None if stage == "store" => Role::Store,
-        None if stage == "fuse" => Role::Fuse,
-        None => Role::Process,
     }
 }

@@ -30,7 +30,7 @@ pub(crate) struct Status {
     pub refused_count: u64,
     pub lost_count: u64,
     pub latency: Latency,
-    /// Where verdicts go, except standard output.
+    /// Where verdicts go.
     pub receivers: Vec<ReceiverStatus>,
     pub stations: Vec<StationStatus>,
     pub stages: Vec<StageStatus>,

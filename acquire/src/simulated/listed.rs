@@ -99,13 +99,12 @@ impl SimulatedTyres {
         scan: &ScanConfig,
         simulation: &SimulationConfig,
         station: u16,
-        (first, count): (u64, Option<u64>),
+        count: Option<u64>,
     ) -> Result<Self, Error> {
         scan.validate()?;
         rig_of(scan, simulation, &[])?;
         let world = World { scan: scan.clone(), simulation: simulation.clone() };
-        let last = count.map(|count| (first - 1).saturating_add(count));
-        Ok(Self { world: Arc::new(world), station, which: Tyres::Unlisted { next: first, last } })
+        Ok(Self { world: Arc::new(world), station, which: Tyres::Unlisted { next: 1, last: count } })
     }
 }
 

@@ -49,7 +49,11 @@ pub trait Source: Send + fmt::Debug {
 
     /// Renders the tap in plan row `row` into `buffer`, and all that is known of it into `header`.
     ///
-    /// If its source knows of earlier takes, the tap may be of a later attempt than `attempt`. All of `header` but `stamp`, `sent_ns` and `retakes_left` is filled in, `id` and `plan_index` also when the tap is refused.
+    /// If its source knows of earlier takes, the tap may be of a later attempt than `attempt`. Of `header`
+    /// - `id` and `plan_index` are filled in always;
+    /// - `stamp`, `sent_ns` and `retakes_left` never: who sends the tap fills them in;
+    /// - the rest unless the tap is refused.
+    ///
     /// Of `buffer` the first [`TapHeader::payload_bytes`] bytes are written; it must have room for
     /// [`Recording::payload_bytes_max`].
     ///

@@ -24,7 +24,7 @@ const ALARMS_MAX: usize = 16;
 pub(crate) struct Station {
     arrivals: Box<dyn Arrivals>,
     work: Work,
-    /// Casings whose scans have ended and whose files are not closed yet: one, or two after a restart of `store`.
+    /// Casings whose scans have ended and whose files are not closed yet: two at most.
     closing: Vec<(u64, String)>,
     /// Casings of this station that are open in the archive and that its source has not brought back, by number and name.
     left_over: Vec<(u64, String)>,

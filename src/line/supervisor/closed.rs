@@ -36,31 +36,18 @@ impl Supervisor<'_> {
             // It was finished before this process started.
             None => path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
         };
-        let is_again = match (self.is_list, number) {
-            (true, _) => !self.known.insert(path.clone()),
-            (false, 0) => {
-                self.shown.verdicts.iter().any(|verdict| verdict.file == path) && !self.recalled.contains(&path)
-            }
-            (false, _) => false,
-        };
-        if is_again {
+        // Of a line that never ends, those without a number were judged from the same recordings before; their station has said so.
+        let is_known = if self.is_list { !self.known.insert(path.clone()) } else { number == 0 };
+        if is_known {
             return;
         }
         let unreported = Unreported { number, name, station, at_ns: now_ns(), file: path };
-        let unreported = if self.is_list || number == 0 { Some(unreported) } else { self.note_of(unreported) };
+        let unreported = if self.is_list { Some(unreported) } else { self.note_of(unreported) };
         let Some(unreported) = unreported else { return };
-        // A line that never ends counts only those that it has judged itself.
-        self.pace.closed += usize::from(self.is_list || number != 0);
+        self.pace.closed += 1;
         self.settled_closed += header.tap_count as usize;
         if number == 0 {
             self.settled_before += header.tap_count as usize;
-            if !self.is_list {
-                tracing::warn!(
-                    casing = unreported.name,
-                    "is not judged again, because exactly these recordings were judged before: {}",
-                    unreported.file.display()
-                );
-            }
             return;
         }
         self.report(unreported, was_open);
@@ -101,7 +88,6 @@ impl Supervisor<'_> {
                 Ok(verdict) => self.shown.verdicts.push(verdict),
                 Err(error) => tracing::warn!("{}: its verdict is not shown: {error:#}", finished.path.display()),
             }
-            self.recalled.insert(finished.path);
         }
         self.shown.verdicts.sort_by_key(|verdict| Reverse(verdict.at_ns));
         self.shown.verdicts.truncate(SHOWN_MAX);

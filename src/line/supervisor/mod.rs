@@ -125,8 +125,6 @@ pub(crate) struct Supervisor<'a> {
     /// When it was last asked whether there is something to show.
     looked_at: Instant,
     is_news: bool,
-    /// Files of earlier lines whose verdicts are shown.
-    recalled: BTreeSet<PathBuf>,
     /// Files of a list that are known to be closed: `store` reports each again when a station asks again.
     known: BTreeSet<PathBuf>,
     /// Settled taps of casings that are closed.
@@ -173,7 +171,6 @@ impl<'a> Supervisor<'a> {
             shown_at: Instant::now(),
             looked_at: Instant::now(),
             is_news: true,
-            recalled: BTreeSet::new(),
             known: BTreeSet::new(),
             settled_closed: 0,
             settled_before: 0,

@@ -42,6 +42,14 @@ impl Role {
         }
     }
 
+    /// The stage with this [`name`](Self::name); `None` if there is none.
+    pub fn of_stage(name: &str) -> Option<Self> {
+        match name.split_once('-') {
+            Some(("acquire", number)) => number.parse().ok().map(Self::Acquire),
+            _ => [Self::Process, Self::Fuse, Self::Store].into_iter().find(|role| role.name() == name),
+        }
+    }
+
     /// The role's number in handshakes.
     pub(crate) fn number(self) -> usize {
         match self {

@@ -13,7 +13,7 @@ struct EndReport {
     line: String,
     /// Whether it was sent on this connection.
     is_sent: bool,
-    /// Whether the rig has received it on this connection: it has said something since. The same serial is another casing then.
+    /// Whether the rig has received it on this connection: it has said something since. From then on the same serial is a new casing.
     is_received: bool,
 }
 
