@@ -232,13 +232,17 @@ impl<'a> Set<'a> {
     fn add(&mut self, record: &Record, taps: Result<Vec<Result<Tap, Fault>>, Fault>) -> Result<()> {
         let mut taps = taps.map(Vec::into_iter);
         for row in &record.taps {
-            let tap = match &mut taps {
-                _ if row.extras.refused.is_some() => Err(row.extras.refused.clone().unwrap_or_default()),
+            // A refused row has a piece of a cut record too: without taking it, those below would get their neighbours'.
+            let piece = match &mut taps {
                 Ok(taps) => match taps.next() {
                     Some(tap) => tap.map_err(|fault| fault.to_string()),
                     None => Err("has fewer taps than are planned".to_owned()),
                 },
                 Err(fault) => Err(fault.to_string()),
+            };
+            let tap = match &row.extras.refused {
+                Some(reason) => Err(reason.clone()),
+                None => piece,
             };
             let read = tap.and_then(|tap| Ok((self.planes(&tap).map_err(|fault| fault.to_string())?, tap.scales)));
             let read = read.map_err(|reason| {

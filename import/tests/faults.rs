@@ -171,6 +171,31 @@ fn a_table_may_have_semicolons_and_decimal_commas() {
     assert_eq!(listed.lines().skip(1).filter(|row| row.contains(",A,1,2.5,")).count(), 2, "{listed}");
 }
 
+/// Catches a refused row of a cut record that takes no piece of it, so that every tap below gets its neighbour's samples.
+#[test]
+fn a_refused_row_of_a_cut_record_takes_its_piece() {
+    let config = "table = \"taps.csv\"\nchannels = { force = 1, sound = 2 }\npre_trigger_samples = 4\n\
+        tap = { tyre = \"A\", shoulder = 1 }\ncut = { sample_count = 32 }\n";
+    let case = Case::new(config, &["a.wav"]);
+    let spec = WavSpec { channels: 2, sample_rate: 40_960, bits_per_sample: 16, sample_format: SampleFormat::Int };
+    let mut out = WavWriter::create(case.path("a.wav"), spec).unwrap();
+    // A tap each 8000 samples, of 40, and its number in the sound.
+    for k in 0..24_000_i16 {
+        let (tap, at) = (k / 8_000, k % 8_000);
+        out.write_sample(if (1_000..1_040).contains(&at) { 20_000_i16 } else { 0 }).unwrap();
+        out.write_sample(tap).unwrap();
+    }
+    out.finalize().unwrap();
+    fs::write(case.path("taps.csv"), "file,location,refused\na.wav,0,\na.wav,1,a double tap\na.wav,2,\n").unwrap();
+    let imported = case.import().unwrap();
+    assert_eq!((imported.written, imported.refused), (2, vec!["a double tap".to_owned()]));
+    let set = fs::read_dir(case.path("set/A-1")).unwrap().map(|file| file.unwrap().path());
+    let mut files: Vec<PathBuf> = set.collect();
+    files.sort();
+    let sounds = |file: &PathBuf| hound::WavReader::open(file).unwrap().samples::<i16>().nth(1).unwrap().unwrap();
+    assert_eq!(files.iter().map(sounds).collect::<Vec<_>>(), [0, 2], "{files:?}");
+}
+
 /// Catches one recording that cannot be read and stops all others, or is left out without a word; and one of another rate.
 #[test]
 fn a_recording_that_cannot_be_read_is_refused_in_the_set() {
