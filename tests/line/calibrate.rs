@@ -69,11 +69,25 @@ fn a_station_is_calibrated_by_listening() {
     assert_eq!((file["force"]["unit"].as_str(), file["sound"]["unit"].as_str()), (Some("N"), Some("Pa")));
     // What is no calibration is refused, and changes nothing.
     let refused =
-        calibrate(&sandbox, "blows --known-n 44.4 --count 3", [0.2, 0.25, 0.3].into_iter().flat_map(blow)).expect(1);
+        calibrate(&sandbox, "blows --known-n 44.4 --count 3 --force", [0.2, 0.25, 0.3].into_iter().flat_map(blow))
+            .expect(1);
     assert!(refused.err.contains("differs from blow to blow by"), "{refused:?}");
-    let refused = calibrate(&sandbox, "tone --known-pa 1.0", tone(0.001)).expect(1);
+    let refused = calibrate(&sandbox, "tone --known-pa 1.0 --force", tone(0.001)).expect(1);
     assert!(refused.err.contains("% of full scale; it must be"), "{refused:?}");
     assert_eq!(std::fs::read_to_string(sandbox.path("station.toml")).unwrap().parse::<toml::Table>().unwrap(), file);
+}
+
+/// Catches a calibration that may not be replaced, or a file that cannot be read, and that is refused only after the blows.
+#[test]
+fn what_cannot_be_kept_is_refused_before_anything_is_heard() {
+    let sandbox = Sandbox::new();
+    sandbox.run("calibrate state --channel force --full-scale-v 5 --sensitivity-mv 22.5 --out s.toml").expect(0);
+    sandbox.write("broken.toml", "[force\n");
+    // The configuration of the station is read only to listen.
+    let refused =
+        |out: &str| sandbox.run(&format!("calibrate blows --known-n 44.4 --config no.toml --out {out}")).expect(1).err;
+    assert!(refused("s.toml").contains("the force is calibrated"), "{}", refused("s.toml"));
+    assert!(refused("broken.toml").contains("broken.toml"), "{}", refused("broken.toml"));
 }
 
 /// Catches a sensitivity, gain or voltage that enters the scale the wrong way, and a value out of its bounds.

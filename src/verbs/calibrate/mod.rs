@@ -21,16 +21,16 @@ pub(crate) fn calibrate(verb: &CalibrateVerb) -> Result<bool> {
     match verb {
         #[cfg(feature = "alsa")]
         CalibrateVerb::Blows { known_n, count, heard, written } => {
-            keep(written, Channel::Force, heard::blows(known_n, *count, heard)?)
+            keep(written, Channel::Force, || heard::blows(known_n, *count, heard))
         }
         #[cfg(feature = "alsa")]
         CalibrateVerb::Tone { known_pa, frequency_hz, listen_s, heard, written } => {
-            keep(written, Channel::Sound, heard::tone(*known_pa, *frequency_hz, *listen_s, heard)?)
+            keep(written, Channel::Sound, || heard::tone(*known_pa, *frequency_hz, *listen_s, heard))
         }
         #[cfg(not(feature = "alsa"))]
         CalibrateVerb::Blows { .. } | CalibrateVerb::Tone { .. } => crate::cli::built_without("ALSA", "alsa"),
         CalibrateVerb::State { channel, full_scale_v, sensitivity_mv, gain, written } => {
-            keep(written, *channel, stated(*channel, *full_scale_v, *sensitivity_mv, *gain)?)
+            keep(written, *channel, || stated(*channel, *full_scale_v, *sensitivity_mv, *gain))
         }
     }
 }
@@ -67,10 +67,32 @@ fn stated(channel: Channel, full_scale_v: f64, sensitivity_mv: Option<f64>, gain
     Ok(Found { unit, full_scale, full_scale_v, method, sensitivity_mv_per_unit: sensitivity_mv, gain: Some(gain) })
 }
 
-/// Writes what was `found` of `channel`, today.
-fn keep(written: &WrittenArgs, channel: Channel, found: Found) -> Result<bool> {
-    let WrittenArgs { out, valid_days, force, json: as_json } = written;
-    let mut file = if out.exists() { CalibrationFile::read(out)? } else { CalibrationFile::default() };
+/// The calibrations at `out` as they are.
+///
+/// # Errors
+/// A file that cannot be read, or that has one of `channel` which may not be replaced.
+fn present(written: &WrittenArgs, channel: Channel) -> Result<CalibrationFile> {
+    let WrittenArgs { out, force, .. } = written;
+    let file = if out.exists() { CalibrationFile::read(out)? } else { CalibrationFile::default() };
+    let of_channel = match channel {
+        Channel::Force => &file.force,
+        Channel::Sound => &file.sound,
+    };
+    if of_channel.is_some() && force.existing() == Existing::Keep {
+        let exists = WriteError::Exists { path: out.clone() };
+        return Err(anyhow::Error::from(exists).context(format!("the {} is calibrated", channel.name())));
+    }
+    Ok(file)
+}
+
+/// Writes what is found of `channel`, today.
+fn keep(written: &WrittenArgs, channel: Channel, find: impl FnOnce() -> Result<Found>) -> Result<bool> {
+    // Nobody should strike a sensor for a result that cannot be kept.
+    present(written, channel)?;
+    let found = find()?;
+    // Another may have calibrated the other channel meanwhile.
+    let mut file = present(written, channel)?;
+    let WrittenArgs { out, valid_days, json: as_json, .. } = written;
     let today = Timestamp::now().to_zoned(TimeZone::UTC).date();
     let until =
         today.checked_add(i64::from(*valid_days).days()).context("--valid-days ends after the last possible date")?;
@@ -86,10 +108,6 @@ fn keep(written: &WrittenArgs, channel: Channel, found: Found) -> Result<bool> {
         Channel::Force => &mut file.force,
         Channel::Sound => &mut file.sound,
     };
-    if place.is_some() && force.existing() == Existing::Keep {
-        let exists = WriteError::Exists { path: out.clone() };
-        return Err(anyhow::Error::from(exists).context(format!("the {} is calibrated", channel.name())));
-    }
     *place = Some(ChannelScale { unit, full_scale, full_scale_v, certificate });
     write(out, &file)?;
     let said = if *as_json { printed.to_string() } else { format!("{said}\n{}: valid until {until}", out.display()) };
