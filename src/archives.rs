@@ -34,7 +34,7 @@ impl Which {
 pub(crate) struct ArchiveFile {
     /// Where it is.
     pub path: PathBuf,
-    /// Its path within the named folder; its file name if the file itself was named.
+    /// Its path within the folder that was named; within the folder that has them all, if several paths were named.
     pub name: PathBuf,
 }
 
@@ -44,10 +44,14 @@ impl ArchiveFile {
         self.path.metadata().map_or(0, |there| there.len())
     }
 
+    /// The name of the archive that it is, or whose results it has.
+    pub(crate) fn archive(&self) -> PathBuf {
+        archive_of(&self.name).unwrap_or_else(|| self.name.clone())
+    }
+
     /// Name of the casing whose archive or results it is: the archive's name without its ending.
     pub(crate) fn casing(&self) -> String {
-        let archive = archive_of(&self.path).unwrap_or_else(|| self.path.clone());
-        archive.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+        self.archive().file_stem().unwrap_or_default().to_string_lossy().into_owned()
     }
 }
 
@@ -69,7 +73,9 @@ impl Archives {
     pub(crate) fn find<P: AsRef<Path>>(paths: &[P], which: Which) -> Result<Self> {
         let mut found = Self { is_many: paths.len() > 1, ..Self::default() };
         let mut known = BTreeSet::new();
-        for path in paths.iter().map(AsRef::as_ref) {
+        let roots: Vec<PathBuf> = paths.iter().map(|path| root_of(path.as_ref())).collect();
+        let shared = shared_by(&roots);
+        for (path, root) in paths.iter().map(AsRef::as_ref).zip(&roots) {
             // Of several, one that is not there is left out like one that cannot be read.
             let is_folder = match path.metadata() {
                 Ok(there) => there.is_dir(),
@@ -86,10 +92,13 @@ impl Archives {
                     vec![ArchiveFile { path: path.to_owned(), name }]
                 }
             };
+            // Casings of two days may have the same name.
+            let below = root.strip_prefix(&shared).unwrap_or(root);
+            let named = files.into_iter().map(|file| ArchiveFile { name: below.join(&file.name), ..file });
             // The same file by another path, or named as well as its folder.
-            found.files.extend(
-                files.into_iter().filter(|file| known.insert(file.path.canonicalize().unwrap_or(file.path.clone()))),
-            );
+            found
+                .files
+                .extend(named.filter(|file| known.insert(file.path.canonicalize().unwrap_or(file.path.clone()))));
         }
         Ok(found)
     }
@@ -116,6 +125,20 @@ impl Archives {
         };
         Ok(chosen.into_iter().map(named).collect())
     }
+}
+
+/// The folder within which the files at `path` are named.
+fn root_of(path: &Path) -> PathBuf {
+    let folder = if path.is_dir() { path } else { path.parent().unwrap_or(path) };
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let absolute = folder.canonicalize().or_else(|_| std::path::absolute(folder));
+    absolute.unwrap_or_else(|_| folder.to_owned())
+}
+
+/// The deepest folder that has all `folders`.
+fn shared_by(folders: &[PathBuf]) -> PathBuf {
+    let mut ancestors = folders.iter().take(1).flat_map(|first| first.ancestors());
+    ancestors.find(|folder| folders.iter().all(|other| other.starts_with(folder))).unwrap_or(Path::new("")).to_owned()
 }
 
 fn nothing_in(folder: &Path, which: Which) -> String {

@@ -174,7 +174,7 @@ pub(crate) enum Verb {
     },
     /// Show what changed from one archive's numbers to another's of the same taps: options and sources first, then numbers.
     ///
-    /// Archives in folders are paired by the casing's name; exit code 3 means that one has no partner.
+    /// Archives in two folders are paired by their paths in these; exit code 3 means that one has no partner.
     Diff {
         /// The archive before; or a folder of archives.
         before: PathBuf,

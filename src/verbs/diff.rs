@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use serde::Serialize;
@@ -14,16 +14,22 @@ use tapline_wire::{Discriminator, Discriminators, Plan, Recording, Scan, TapId, 
 use crate::archives::{ArchiveFile, ArchiveProgress, Archives, Outcome, Which};
 use crate::verbs::explain::print;
 
-/// Prints what changed from the results at `before` to those at `after`: lineage first, then numbers. Where one is a folder,
-/// the casings are paired by name; `which` files of the folder `after` are meant.
+/// Prints what changed from the results at `before` to those at `after`: lineage first, then numbers. The casings of two folders
+/// are paired by their paths in these, as serials repeat from day to day; beside a single file, only the casing of its name counts in
+/// the other's folder. `which` says which files of the folder `after` are taken.
 pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> Result<bool> {
     if !before.is_dir() && !after.is_dir() {
         let difference = Difference::between(before, after)?;
         print(&if as_json { line_of(&difference)? } else { difference.to_string() })?;
         return Ok(true);
     }
-    let (befores, afters) = (Archives::find(&[before], Which::Casings)?, Archives::find(&[after], which)?);
-    let mut partners: BTreeMap<String, &ArchiveFile> = afters.files.iter().map(|file| (file.casing(), file)).collect();
+    let (mut befores, mut afters) = (Archives::find(&[before], Which::Casings)?, Archives::find(&[after], which)?);
+    let are_folders = before.is_dir() && after.is_dir();
+    if !are_folders {
+        keep_alike(&mut befores, &mut afters)?;
+    }
+    let key = |file: &ArchiveFile| if are_folders { file.archive() } else { PathBuf::from(file.casing()) };
+    let mut partners: BTreeMap<PathBuf, &ArchiveFile> = afters.files.iter().map(|file| (key(file), file)).collect();
     let mut outcome = Outcome::new(&Archives { is_many: true, ..befores.clone() });
     let alone = |file: &ArchiveFile| {
         let path = file.path.display().to_string();
@@ -32,7 +38,7 @@ pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> 
     let mut progress = ArchiveProgress::new(&befores);
     for file in &befores.files {
         progress.begin(file);
-        let Some(other) = partners.remove(&file.casing()) else {
+        let Some(other) = partners.remove(&key(file)) else {
             alone(file)?;
             outcome.note(false);
             continue;
@@ -45,14 +51,23 @@ pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> 
         progress.beside(|| print(&text))?;
     }
     drop(progress);
-    // Beside a single file, the other casings of the folder do not count.
-    if before.is_dir() && after.is_dir() {
-        for file in partners.values() {
-            alone(file)?;
-            outcome.note(false);
-        }
+    for file in partners.values() {
+        alone(file)?;
+        outcome.note(false);
     }
     outcome.end()
+}
+
+/// Leaves in the one that is a folder only the casing with the name of the other, which is a file.
+fn keep_alike(befores: &mut Archives, afters: &mut Archives) -> Result<()> {
+    let (of_file, of_folder) = if afters.is_many { (befores, afters) } else { (afters, befores) };
+    let Some(file) = of_file.files.first() else { return Ok(()) };
+    of_folder.files.retain(|other| other.casing() == file.casing());
+    if let [one, other, ..] = &of_folder.files[..] {
+        let (one, other, file) = (one.path.display(), other.path.display(), file.path.display());
+        bail!("the partner of {file} may be {one} or {other}: name one of them instead of their folder");
+    }
+    Ok(())
 }
 
 fn line_of(difference: &Difference) -> Result<String> {
@@ -220,7 +235,8 @@ impl fmt::Display for Difference {
         if !self.is_raw_same {
             writeln!(
                 f,
-                "           the recordings differ: in their samples, or in a tap's time, velocity, scale, distance or attempt"
+                "           the recordings differ: in their samples, in a tap's time, velocity, scale, distance or attempt, or in their \
+                 station, plan or kind of source"
             )?;
         }
         if !self.is_recorded_alike {

@@ -194,6 +194,33 @@ fn a_page_of_a_shift_is_of_all_days() {
     assert_eq!(rows[3]["file"], "2026-11-24/SIM-0002.h5");
 }
 
+/// Catches casings of one name that are compared crosswise, that a table does not tell apart, or of which a copy takes the place
+/// of another's; and a single file in whose partner's folder the other casings count.
+#[test]
+fn casings_of_one_name_are_told_apart_by_their_days() {
+    let sandbox = scanned();
+    for (from, to) in [("SIM-0001", "2026-11-23/A"), ("SIM-0002", "2026-11-24/A"), ("SIM-0003", "2026-11-24/B")] {
+        fs::create_dir_all(sandbox.path(&format!("day/{to}")).parent().unwrap()).unwrap();
+        fs::copy(sandbox.path(&format!("out/{from}.h5")), sandbox.path(&format!("day/{to}.h5"))).unwrap();
+    }
+    let changed = sandbox.run("diff day day").expect(0).out;
+    assert_eq!(changed.matches("lineage    the same").count(), 3, "{changed}");
+    assert!(changed.contains("day/2026-11-23/A.h5 -> day/2026-11-23/A.h5"), "{changed}");
+    let refused = sandbox.run("diff day day/2026-11-23/A.h5").expect(1).err;
+    assert!(refused.contains("may be day/2026-11-23/A.h5 or day/2026-11-24/A.h5"), "{refused}");
+    for pair in ["day/2026-11-24 day/2026-11-24/B.h5", "day/2026-11-24/B.h5 day/2026-11-24"] {
+        let changed = sandbox.run(&format!("diff {pair}")).expect(0).out;
+        assert!(changed.contains("lineage    the same") && !changed.contains("partner"), "{pair}: {changed}");
+    }
+    for named in ["day/2026-11-23/A.h5 day/2026-11-24/A.h5", "day/2026-11-23 day/2026-11-24/A.h5"] {
+        let rows = csv_rows(&sandbox.run(&format!("export {named} verdicts")).expect(0).out);
+        let files: Vec<_> = rows.iter().step_by(2).map(|row| row["file"].as_str()).collect();
+        assert_eq!(files, ["2026-11-23/A.h5", "2026-11-24/A.h5"], "{named}");
+    }
+    sandbox.run("repack day/2026-11-23/A.h5 day/2026-11-24/A.h5 --codec zstd --out packed").expect(0);
+    assert!(sandbox.path("packed/2026-11-24/A.h5").exists());
+}
+
 /// Catches a reference that does not suit a casing of a list and is reported too late, or without advice.
 #[test]
 fn a_shoulder_of_another_casing_is_no_reference() {
