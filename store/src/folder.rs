@@ -12,7 +12,7 @@ use std::time::SystemTime;
 
 use jiff::civil::Date;
 
-use crate::error::{Context as _, Result};
+use crate::error::{Context as _, Error, Result};
 use crate::file::{ENDING, LEFT_FOLDER, OPEN_FOLDER};
 use crate::read::reader::Reader;
 
@@ -47,6 +47,8 @@ pub struct Results {
     pub path: PathBuf,
     /// The archive that it belongs to.
     pub archive: PathBuf,
+    /// Whether nothing says that a judgement was stopped before its end.
+    pub is_finished: bool,
 }
 
 /// A finished file of a line.
@@ -98,9 +100,13 @@ impl Folder {
         let all: BTreeSet<&Path> = self.finished.iter().map(PathBuf::as_path).collect();
         let mut sorted = Sorted::default();
         for path in &self.finished {
-            match archive_of(path).filter(|archive| all.contains(archive.as_path()) && has_results(path)) {
-                Some(archive) => sorted.results.push(Results { path: path.clone(), archive }),
-                None => sorted.archives.push(path.clone()),
+            let archive = archive_of(path).filter(|archive| all.contains(archive.as_path()));
+            match archive.map(|archive| (archive, Reader::open(path))) {
+                Some((archive, opened)) if opened.as_ref().map_or(true, Reader::is_results) => {
+                    let is_finished = !matches!(opened, Err(Error::NotFinished { .. }));
+                    sorted.results.push(Results { path: path.clone(), archive, is_finished });
+                }
+                _ => sorted.archives.push(path.clone()),
             }
         }
         sorted
@@ -108,13 +114,17 @@ impl Folder {
 }
 
 impl Sorted {
-    /// The results of each archive that were written last.
+    /// The results of each archive that were written last. Unfinished ones count only where there are no others: a judgement that
+    /// was stopped hides none that went before.
     pub fn newest_results(&self) -> Vec<PathBuf> {
-        let mut newest: BTreeMap<&Path, (SystemTime, &Path)> = BTreeMap::new();
-        for Results { path, archive } in &self.results {
+        let mut newest: BTreeMap<PathBuf, ((bool, SystemTime), &Path)> = BTreeMap::new();
+        for Results { path, archive, is_finished } in &self.results {
             let at = path.metadata().and_then(|there| there.modified()).unwrap_or(SystemTime::UNIX_EPOCH);
-            if newest.get(archive.as_path()).is_none_or(|(before, _)| *before <= at) {
-                newest.insert(archive, (at, path));
+            let rank = (*is_finished, at);
+            // Each job of `tapline-query reprocess` has a link of its own to an archive.
+            let archive = archive.canonicalize().unwrap_or_else(|_| archive.clone());
+            if newest.get(&archive).is_none_or(|(before, _)| *before <= rank) {
+                newest.insert(archive, (rank, path));
             }
         }
         newest.into_values().map(|(_, path)| path.to_owned()).collect()

@@ -2,8 +2,9 @@
 
 use std::fs;
 use std::path::Path;
+use std::time::SystemTime;
 
-use tapline_store::{Error, Lineage, Reader, Writer};
+use tapline_store::{Error, Folder, Lineage, Reader, Writer, results_path};
 use tapline_wire::{RecordKind, Recording, SampleFormat};
 
 use crate::common::{
@@ -139,6 +140,35 @@ fn records_that_do_not_belong_here() {
     cells.swap(0, 1);
     assert!(matches!(writer.put_judgement(0, &verdict, &cells).unwrap_err(), Error::OtherCells { .. }));
     assert_eq!(writer.counts(), tapline_store::PutCounts::default());
+}
+
+/// Catches results of a judgement that was stopped and that hide complete ones, and an archive that counts twice by a link to it.
+#[test]
+fn stopped_results_hide_no_others() {
+    let (_here, path) = new_path();
+    let given = plan(SampleFormat::I16);
+    finished(&path, &given, CONFIG);
+    let digest = Reader::open(&path).unwrap().raw_digest().unwrap();
+    let begin = |archive: &Path, key: &str| {
+        let results = results_path(archive, key);
+        (Writer::results(&results, (archive, digest), &given, CONFIG.into()).unwrap(), results)
+    };
+    let newest = || Folder::list(path.parent().unwrap()).unwrap().sorted().newest_results();
+    let (writer, stopped) = begin(&path, "bbbbbbbbbbbb");
+    drop(writer);
+    assert_eq!(newest(), [stopped]);
+    let (writer, done) = begin(&path, "aaaaaaaaaaaa");
+    writer.finish().unwrap();
+    fs::File::options().write(true).open(&done).unwrap().set_modified(SystemTime::UNIX_EPOCH).unwrap();
+    assert_eq!(newest(), [done]);
+    // As a job of tapline-query leaves it.
+    let job = path.with_file_name("run=0123456789abcdef");
+    fs::create_dir(&job).unwrap();
+    let link = job.join(path.file_name().unwrap());
+    std::os::unix::fs::symlink(&path, &link).unwrap();
+    let (writer, of_job) = begin(&link, "cccccccccccc");
+    writer.finish().unwrap();
+    assert_eq!(newest(), [of_job]);
 }
 
 /// Catches results that are read with other taps than those that they were computed from.
