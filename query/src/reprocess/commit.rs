@@ -7,7 +7,7 @@ use anyhow::{Context as _, Result, ensure};
 use futures_util::{StreamExt as _, TryStreamExt as _, stream};
 use serde::{Deserialize, Serialize};
 
-use crate::places::{COMMIT_FILE, CasingFile, End, JOB_DIGITS, JOB_PREFIX, Key, Place, objects};
+use crate::places::{COMMIT_FILE, CasingFile, End, JOB_DIGITS, JOB_PREFIX, Place, objects};
 use crate::task::ReprocessTask;
 
 /// Version of the commit file.
@@ -43,8 +43,8 @@ impl Job {
             part(file.name.as_bytes());
             part(&end.bytes.to_le_bytes());
             part(&end.last);
-            // Results in object storage are read with the archives that they are of.
-            part(Key::of_address(&file.path).map_or("", |_| &file.path).as_bytes());
+            // Results are read with the archives that they are of, by links to them or by their addresses.
+            part(file.path.as_bytes());
         }
         Ok(Self { key: digest.finalize().to_hex().to_string(), task })
     }
@@ -154,6 +154,11 @@ mod tests {
         assert_eq!(first, key(&ReprocessTask { staging: "/b".to_owned(), ..task() }).await);
         assert_ne!(first, key(&ReprocessTask { program: "q".to_owned(), ..task() }).await);
         assert_ne!(first, key(&ReprocessTask { is_from_samples: true, ..task() }).await);
+        // The links of a job to its archives do not lead to where these were moved.
+        let moved = folder.path().join("moved.h5");
+        fs::copy(&path, &moved).unwrap();
+        let moved = [CasingFile::new("A.h5", moved.display().to_string())];
+        assert_ne!(first, Job::new(&task(), &moved).await.unwrap().key);
         let mut bytes = [1; 100];
         bytes[99] = 2;
         fs::write(&path, bytes).unwrap();
