@@ -115,6 +115,8 @@ impl Columns {
         variable(&mut out, "sample_rate_hz", (1, 1), MX_DOUBLE, MI_DOUBLE, scalar(recording.sample_rate_hz))?;
         let before = f64::from(recording.pre_trigger_samples);
         variable(&mut out, "pre_trigger_samples", (1, 1), MX_DOUBLE, MI_DOUBLE, scalar(before))?;
+        // Samples run down the columns, also where there are more taps than samples.
+        variable(&mut out, "time_axis", (1, 1), MX_DOUBLE, MI_DOUBLE, scalar(1.0))?;
         let tap_count = self.numbers.len();
         for (place, name) in NUMBERS.iter().enumerate() {
             let numbers = self.numbers.iter().map(|numbers| numbers[place].to_le_bytes());

@@ -109,6 +109,21 @@ path = case("mat7_doubles_matrix", 'table = "taps.csv"\n' + TAP + NAMES + RATE)
 scipy.io.savemat(path("a.mat"), {n: np.stack([counts(k)[p] / 1000 for k in range(TAPS)], axis=1) for p, n in enumerate(["force", "sound"])}, do_compression=True)
 with open(path("taps.csv"), "w") as table:
     table.write("file,part,location\n" + "".join(f"a.mat,{k + 1},{k}\n" for k in range(TAPS)))
+# More columns than samples: as an export states it, and as MATLAB 7.3 turns it.
+wide = {n: np.pad(np.stack([counts(k)[p] / 1000 for k in range(TAPS)], axis=1), ((0, 0), (0, COUNT))) for p, n in enumerate(["force", "sound"])}
+for name, axis in [("mat7_wide", ""), ("mat73_wide", "time_axis = 1\n")]:
+    path = case(name, 'table = "taps.csv"\n' + axis + TAP + NAMES + RATE)
+    if not axis:
+        scipy.io.savemat(path("a.mat"), {**wide, "time_axis": 1.0})
+    else:
+        with h5py.File(path("a.mat"), "w", userblock_size=512) as file:
+            for n, matrix in wide.items():
+                file[n] = matrix.T
+                file[n].attrs["MATLAB_class"] = np.bytes_("double")
+        with open(path("a.mat"), "r+b") as file:
+            file.write(b"MATLAB 7.3 MAT-file".ljust(116) + bytes(8) + b"\x00\x02IM")
+    with open(path("taps.csv"), "w") as table:
+        table.write("file,part,location\n" + "".join(f"a.mat,{k + 1},{k}\n" for k in range(TAPS)))
 # MATLAB stores doubles that are whole numbers as the narrowest integers.
 path = case("mat5_structs", 'name = "{tyre}.mat/tap_{location}"\ntap = { shoulder = 1 }\n' + NAMES)
 taps = {f"tap_{k}": {n: counts(k)[p] / 1000 for p, n in enumerate(["force", "sound"])} | {"fs": float(RATE_HZ)} for k in range(TAPS)}

@@ -59,6 +59,8 @@ fn every_format_comes_back() {
         ("mat7_int16", Stored::Counts),
         ("mat7_int32", Stored::Narrow(32)),
         ("mat7_doubles_matrix", Stored::Thousandths),
+        ("mat7_wide", Stored::Thousandths),
+        ("mat73_wide", Stored::Thousandths),
         ("mat5_structs", Stored::Thousandths),
         ("mat73", Stored::Counts),
         ("uff58", Stored::Thousandths),

@@ -85,6 +85,7 @@ for k, row in enumerate(csv.DictReader(open("mat/taps.csv", encoding="utf-8"))):
         assert mat[name][0, column] == float(row[name]), name
     assert mat["sample_count"][0, column] == samples.shape[2]
     assert mat["sample_rate_hz"] == header[k]["sample_rate_hz"]
+    assert mat["time_axis"] == 1
     assert mat["pre_trigger_samples"] == header[k]["pre_trigger_samples"]
     count += 1
 print(sorted(files), count, [mat["force"].shape for mat in files.values()])

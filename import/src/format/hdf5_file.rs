@@ -8,7 +8,8 @@ use ndarray::s;
 
 use crate::error::{Fault, broken, some_of};
 use crate::format::{
-    Line, PRE_TRIGGER_NAME, Pick, RATE_NAMES, Recorded, UNIT, UNIT_BOUND, line_of, picked_twice, place_of, whole,
+    Line, PRE_TRIGGER_NAME, Pick, RATE_NAMES, Recorded, TIME_AXIS_NAME, UNIT, UNIT_BOUND, line_of, picked_twice,
+    place_of, stated_axis, whole,
 };
 use crate::series::{Series, checked_count};
 
@@ -176,8 +177,17 @@ impl Recorded for Hdf5File {
 
     fn series(&mut self, part: &str, channel: &Pick, time_axis: Option<u8>) -> Result<Series, Fault> {
         let (dataset, number) = self.dataset(part, channel)?;
-        let shape: Vec<u64> = dataset.shape().iter().map(|&n| n as u64).collect();
-        let line = line_of(&shape, number, time_axis)?;
+        let mut shape: Vec<u64> = dataset.shape().iter().map(|&n| n as u64).collect();
+        // MATLAB keeps columns together, HDF5 rows: what MATLAB wrote is turned, so that its axes are those of other versions.
+        let is_turned = shape.len() == 2 && dataset.attr(MATLAB_CLASS).is_ok();
+        if is_turned {
+            shape.reverse();
+        }
+        let stated = || self.number(part, &dataset, &[TIME_AXIS_NAME]).and_then(stated_axis);
+        let mut line = line_of(&shape, number, time_axis.or_else(stated))?;
+        if is_turned {
+            line.time_axis = 1 - line.time_axis;
+        }
         checked_count(line.sample_count)?;
         let kind = dataset.dtype().and_then(|kind| kind.to_descriptor()).map_err(fault_of)?;
         let mut series = match kind {

@@ -199,6 +199,14 @@ fn line_of(shape: &[u64], number: Option<usize>, time_axis: Option<u8>) -> Resul
 const RATE_NAMES: [&str; 4] = ["sample_rate_hz", "sample_rate", "fs", "Fs"];
 const PRE_TRIGGER_NAME: &str = "pre_trigger_samples";
 
+/// Name of a scalar that says along which axis of the file's matrices time runs, from 1.
+const TIME_AXIS_NAME: &str = "time_axis";
+
+/// The axis that such a scalar names; `None` if it means something else.
+fn stated_axis(value: f64) -> Option<u8> {
+    whole(value).and_then(|axis| u8::try_from(axis).ok()).filter(|axis| (1..=2).contains(axis))
+}
+
 /// Suffix of a MATLAB channel's name that gives the name of the text with its unit, and what that text must be.
 const UNIT: &str = "_unit";
 const UNIT_BOUND: &str = "it must be a text with the unit of the channel, such as \"N\" or \"V\"";

@@ -22,7 +22,8 @@ use crate::format::mat5::array::{Array, MI_MATRIX, MX_CHAR, class_name};
 use crate::format::mat5::elements::Elements;
 use crate::format::mat5::numbers::Numbers;
 use crate::format::{
-    PRE_TRIGGER_NAME, Pick, RATE_NAMES, Recorded, UNIT, UNIT_BOUND, line_of, picked_twice, place_of, whole,
+    PRE_TRIGGER_NAME, Pick, RATE_NAMES, Recorded, TIME_AXIS_NAME, UNIT, UNIT_BOUND, line_of, picked_twice, place_of,
+    stated_axis, whole,
 };
 use crate::series::{SAMPLES_MAX, Series, checked_count};
 
@@ -244,6 +245,7 @@ impl Recorded for Mat5 {
             }
         };
         let known = self.names();
+        let time_axis = time_axis.or_else(|| self.number(group, &[TIME_AXIS_NAME]).and_then(stated_axis));
         let Some(array) = self.find(&path)? else {
             return Err(Fault::Missing { what: "channel", name: format!("{path:?}"), known });
         };
