@@ -111,7 +111,7 @@ pub(crate) const NOTES: [(&str, &str, &str); 8] = [
     ),
     (
         table::HEADER,
-        "a sample times unit_per_count is in channel_units; plan_index 4294967295 is a tap that is not there; source 1 simulated, 2 tap set; samples_digest is the BLAKE3 of the samples that are meant",
+        "a sample times unit_per_count is in channel_units; plan_index 4294967295 is a tap that is not there; source 1 simulated, 2 tap set, 3 captured; samples_digest is the BLAKE3 of the valid samples",
         "sample_rate_hz Hz, velocity_measured_m_per_s m/s, microphone_distance_m m, tap_time_ns ns, sent_ns ns, epoch_ns ns",
     ),
     (
@@ -121,7 +121,7 @@ pub(crate) const NOTES: [(&str, &str, &str); 8] = [
     ),
     (
         table::LEDGER,
-        "state 0 missing, 1 archived, 2 refused; only an archived tap's other rows are meant; a missing tap was lost at 1 acquire, 2 process, 3 store, 0 not said; attempts before this one were retaken for the flags of retaken_quality",
+        "state 0 missing, 1 archived, 2 refused; only an archived tap's other rows are valid; a missing tap was lost at 1 acquire, 2 process, 3 store, 0 not said; attempts before this one were retaken for the flags of retaken_quality",
         "",
     ),
     (table::REFUSALS, "reason of a refused tap, UTF-8", ""),
@@ -132,10 +132,14 @@ pub(crate) const NOTES: [(&str, &str, &str); 8] = [
     ),
     (
         table::DAMAGE,
-        "meant where the scan is judged; NaN is none; region 0 is none; scan 4294967295 is room that is not used",
+        "valid where the scan is judged; NaN is none; region 0 is none; scan 4294967295 is room that is not used",
         "angle_deg deg, offset_best_mm mm, offset_low_mm mm, offset_high_mm mm",
     ),
-    (table::SAMPLES, "[tap, channel, sample]; sample_count of the header are meant, the rest is 0", "counts"),
+    (
+        table::SAMPLES,
+        "[tap, channel, sample]; the first sample_count samples, as the header has it, are valid; the rest is 0",
+        "counts",
+    ),
 ];
 
 /// A planned tap.
