@@ -193,7 +193,7 @@ impl ShoulderExplanation {
             }
             Ok(LocationExplanation {
                 location,
-                damage_index: cell.map(|cell| cell.damage_index),
+                damage_index: cell.map(|cell| cell.damage_index).filter(|index| index.is_finite()),
                 region: cell.map(|cell| cell.region),
                 scores: scores_at(reader, number, location)?,
                 taps,
@@ -299,8 +299,10 @@ impl fmt::Display for ShoulderExplanation {
         let Some(LocationExplanation { location, damage_index, region, scores, taps }) = location else {
             return Ok(());
         };
-        if let (Some(index), Some(region)) = (damage_index, region) {
-            writeln!(f, "location   {location}: index {index:.4}, region {region}")?;
+        match (damage_index, region) {
+            (Some(index), Some(region)) => writeln!(f, "location   {location}: index {index:.4}, region {region}")?,
+            (None, Some(_)) => writeln!(f, "location   {location}: it has no index")?,
+            (_, None) => {}
         }
         write!(f, "{}", texts_of(taps, scores)?)
     }

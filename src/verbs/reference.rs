@@ -58,7 +58,10 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
                     }
                     has_passed || args.labelled
                 }
-                false => wanted.remove(name),
+                false => {
+                    wanted.remove(name);
+                    args.shoulders.iter().any(|wanted| wanted == name)
+                }
             }
         };
         take(args, &reader, &records, is_wanted, &mut shoulders)?;
@@ -173,6 +176,12 @@ fn take(
             bail!("{}: it is not known for every location of {name} whether it is cracked", path.display());
         }
         if shoulders.iter().any(|s| s.tyre == shoulder.tyre && s.shoulder == shoulder.shoulder) {
+            if !args.shoulders.is_empty() {
+                bail!(
+                    "{}: another of the archives has --shoulder {name} too: name only the file that is meant",
+                    path.display()
+                );
+            }
             say(&format!(
                 "{}: {name} is left out, as another file has it too; to take this one, name the files instead",
                 path.display()

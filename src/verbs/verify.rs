@@ -69,13 +69,15 @@ fn check(archive: &Path, as_json: bool, progress: &mut ArchiveProgress) -> Resul
 fn print(archive: &Path, checked: tapline_store::Result<Report>, as_json: bool) -> Result<bool> {
     let mut out = Stdout;
     let report = match checked {
-        // Too damaged to be checked row by row.
+        // It cannot be checked row by row.
         Err(
             error @ (Error::Damaged { .. }
             | Error::Hdf5 { .. }
             | Error::NotHdf5 { .. }
             | Error::NotAnArchive { .. }
-            | Error::OtherUnits { .. }),
+            | Error::FormatVersion { .. }
+            | Error::OtherUnits { .. }
+            | Error::OtherTaps { .. }),
         ) => {
             match as_json {
                 true => writeln!(out, "{}", json_of(archive, None, &[error.to_string()]))?,

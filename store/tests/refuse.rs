@@ -186,4 +186,9 @@ fn results_of_other_taps_are_refused() {
     writer.finish().unwrap();
     let error = Reader::open(&results).unwrap_err();
     assert!(matches!(error, Error::OtherTaps { .. }) && error.to_string().contains("run.h5"), "{error}");
+    // Nor are they those of an archive of another plan.
+    fs::remove_file(&path).unwrap();
+    finished(&path, &plan(SampleFormat::F32), CONFIG);
+    let error = Reader::open(&results).unwrap_err();
+    assert!(matches!(error, Error::OtherTaps { .. }), "{error}");
 }

@@ -221,6 +221,32 @@ fn casings_of_one_name_are_told_apart_by_their_days() {
     assert!(sandbox.path("packed/2026-11-24/A.h5").exists());
 }
 
+/// Catches results whose archive was replaced and that a check leaves out of its lines, and a shoulder of which one of two archives is
+/// taken without a word.
+#[test]
+fn a_replaced_archive_is_noticed() {
+    let sandbox = scanned();
+    sandbox.write("bands.toml", "[process]\nf_c_hz = 600.0\n");
+    sandbox.run("reprocess out/SIM-0001.h5 --config bands.toml").expect(0);
+    fs::copy(sandbox.path("out/SIM-0002.h5"), sandbox.path("out/SIM-0001.h5")).unwrap();
+    let checked = sandbox.run("verify out --json").expect(3);
+    assert_eq!(checked.out.lines().filter(|line| line.contains("\"archive\":")).count(), 4, "{checked:?}");
+    assert!(checked.out.contains("has results of the taps") && checked.err.is_empty(), "{checked:?}");
+    let refused = sandbox.run("reference out --shoulder SIM-0002/1 --out r.json").expect(1).err;
+    let words =
+        "out/SIM-0002.h5: another of the archives has --shoulder SIM-0002/1 too: name only the file that is meant";
+    assert!(refused.contains(words), "{refused}");
+    sandbox.run("reference out/SIM-0002.h5 --shoulder SIM-0002/1 --out r.json").expect(0);
+}
+
+/// Catches an index that is not there and is printed as a number.
+#[test]
+fn a_location_without_an_index_has_none() {
+    let sandbox = scanned();
+    let said = sandbox.run("explain out/SIM-0001.h5 --shoulder SIM-0001/1 --location 3").expect(0).out;
+    assert!(said.contains("location   3: it has no index"), "{said}");
+}
+
 /// Catches a reference that does not suit a casing of a list and is reported too late, or without advice.
 #[test]
 fn a_shoulder_of_another_casing_is_no_reference() {

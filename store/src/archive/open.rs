@@ -63,9 +63,8 @@ impl Archive {
             .map_err(|error| Error::damaged(path, format!("its calibration is invalid: {error}")))?;
         check_units(&file, taps_file, &calibration, path)?;
         let Planned { plan, begun } = read_plan(&metadata, calibration, taps_file, path)?;
-        if let Some(raw) = raw.as_ref().filter(|raw| raw.plan.digest() != plan.digest()) {
-            let (archived, given) = (raw.plan.digest(), plan.digest());
-            return Err(Error::OtherPlan { path: raw.path.clone(), archived, given });
+        if raw.as_ref().is_some_and(|raw| raw.plan.digest() != plan.digest()) {
+            return Err(Error::damaged(path, "its scan plan is not that of the archive of its taps"));
         }
         let (tap_count, taps_max) = (plan.taps().len(), metadata.plan.len());
         let taps_max_of_taps = raw.as_ref().map_or(taps_max, |raw| raw.taps_max);
@@ -83,7 +82,7 @@ impl Archive {
             .then(|| ChunkRows::new(samples, codec, plan.recording.payload_bytes_max()))
             .flatten()
             .ok_or_else(|| Error::damaged(path, "the samples do not have the shape that the plan asks for"))?;
-        let archive = Self {
+        Ok(Self {
             path: path.to_owned(),
             config,
             made_by,
@@ -103,37 +102,26 @@ impl Archive {
             plan,
             raw: raw.map(Box::new),
             file,
-        };
-        archive.check_raw()?;
-        Ok(archive)
-    }
-
-    /// Checks that the taps have not changed since results were computed from them.
-    fn check_raw(&self) -> Result<()> {
-        if !self.is_results() {
-            return Ok(());
-        }
-        let made_of =
-            read_text(&self.file, attribute::RAW_DIGEST).context("read the digest of the taps", &self.path)?;
-        let current = hex_of(&self.raw_digest()?);
-        if made_of == current {
-            return Ok(());
-        }
-        let raw = self.samples.dataset().filename();
-        Err(Error::OtherTaps { path: self.path.clone(), raw: raw.into(), made_of, there: current })
+        })
     }
 }
 
-/// Opens the archive of the taps, if `file` has only results; else `None`.
+/// Opens the archive of the taps, if `file` has only results, and checks that the taps have not changed since these were computed;
+/// else `None`.
 fn open_raw(file: &File, path: &Path) -> Result<Option<Archive>> {
     if !file.attr_names().context("read the attributes", path)?.iter().any(|name| name == attribute::RAW) {
         return Ok(None);
     }
     let name = read_text(file, attribute::RAW).context("read the name of the taps' archive", path)?;
     let raw = Archive::open(&path.with_file_name(&name), Access::Read)?;
-    match raw.is_results() {
-        true => Err(Error::damaged(path, "it names a file of results as the archive of its taps")),
-        false => Ok(Some(raw)),
+    if raw.is_results() {
+        return Err(Error::damaged(path, "it names a file of results as the archive of its taps"));
+    }
+    let made_of = read_text(file, attribute::RAW_DIGEST).context("read the digest of the taps", path)?;
+    let there = hex_of(&raw.raw_digest()?);
+    match made_of == there {
+        true => Ok(Some(raw)),
+        false => Err(Error::OtherTaps { path: path.to_owned(), raw: raw.path, made_of, there }),
     }
 }
 
