@@ -3,8 +3,8 @@
 #[cfg(feature = "parquet")]
 use arrow_schema::Field;
 use tapline_wire::{
-    Channel, DamageCell, Discriminator, Discriminators, Judgement, PlannedTap, Quality, Reasons, Scan, ScanState,
-    TapState, Verdict,
+    Channel, DamageCell, Discriminator, Discriminators, Judgement, PlannedTap, Quality, Reasons, Scan, TapState,
+    Verdict,
 };
 
 use crate::Export;
@@ -225,7 +225,7 @@ fn verdict_columns<'a>(name: Option<&str>) -> Vec<Column<VerdictRow<'a>>> {
 fn verdicts(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result<()> {
     let columns = verdict_columns(name);
     let (geometry, ledger) = (reader.plan().geometry, reader.ledger());
-    let scans = reader.plan().scans().iter().zip(ledger.scans()).zip(reader.judgements()?);
+    let scans = reader.plan().scans().iter().zip(reader.judgements()?).enumerate();
     let headers = reader.headers()?;
     let scan_s = |scan: &Scan| {
         let of_row = |&row: &u32| headers[row as usize].as_ref().map(|header| header.tap_time_ns);
@@ -233,15 +233,8 @@ fn verdicts(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result
         Some((times_ns().max()? - times_ns().min()?) as f64 * 1e-9)
     };
     let is_second = |&&row: &&u32| reader.plan().taps()[row as usize].is_second_reading();
-    let rows = scans.map(|((scan, &state), judged)| {
-        let known = judged.and_then(|(judgement, cells)| {
-            let verdict = Verdict::from_code(judgement.verdict)?;
-            Some((verdict, judgement, count(regions(geometry, &cells).len())))
-        });
-        // A scan without a verdict is never PASS: someone must look at it.
-        let unjudged = if state == ScanState::Open { Reasons::NOT_ENDED } else { Reasons::NO_INDEX };
-        let (verdict, reasons) =
-            known.as_ref().map_or((Verdict::ReInspect, unjudged), |&(verdict, ref j, _)| (verdict, j.reasons));
+    let rows = scans.map(|(number, (scan, judged))| {
+        let (verdict, reasons) = reader.verdict(number, judged.as_ref());
         let taps = || scan.taps.iter().map(|&row| ledger.taps()[row as usize]);
         let counts = [TapState::Archived, TapState::Refused, TapState::Missing]
             .map(|state| count(taps().filter(|&of_tap| of_tap == state).count()));
@@ -252,7 +245,7 @@ fn verdicts(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result
             counts,
             second_reading_count: count(scan.taps.iter().filter(is_second).count()),
             scan_s: scan_s(scan),
-            judged: known.map(|(_, judgement, regions)| (judgement, regions)),
+            judged: judged.map(|(judgement, cells)| (judgement, count(regions(geometry, &cells).len()))),
         }
     });
     sink.rows(&columns, rows)

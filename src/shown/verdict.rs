@@ -158,9 +158,12 @@ impl CasingVerdict {
 impl ShoulderVerdict {
     /// The verdict on each shoulder of a casing: RE-INSPECT until it is judged.
     pub(crate) fn all(reader: &Reader) -> Result<Vec<Self>> {
-        let open = Judgement { reasons: Reasons::NOT_ENDED, ..Judgement::default() };
-        let scans = reader.plan().scans().iter().zip(reader.judgements()?);
-        scans.map(|(scan, judged)| Self::new(reader, scan, &judged.unwrap_or((open, Vec::new())))).collect()
+        let unjudged =
+            |number| (Judgement { reasons: reader.verdict(number, None).1, ..Judgement::default() }, Vec::new());
+        let scans = reader.plan().scans().iter().zip(reader.judgements()?).enumerate();
+        scans
+            .map(|(number, (scan, judged))| Self::new(reader, scan, &judged.unwrap_or_else(|| unjudged(number))))
+            .collect()
     }
 
     pub(crate) fn new(reader: &Reader, scan: &Scan, (judgement, cells): &Judged) -> Result<Self> {

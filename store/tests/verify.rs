@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use tapline_store::{Codec, Error, Lineage, Problem, Reader, Writer, verify};
-use tapline_wire::{SampleFormat, ScanState, TapState};
+use tapline_wire::{Reasons, SampleFormat, ScanState, TapState, Verdict};
 
 use crate::common::{CONFIG, finished, new_path, plan, put, put_all};
 use crate::places::{chunk_bytes, table_bytes};
@@ -31,6 +31,18 @@ fn a_whole_run_is_complete_and_a_part_is_not() {
     let report = verify(&part).unwrap();
     assert_eq!(report.problems, []);
     assert!(!report.is_complete());
+}
+
+/// Catches a scan without a verdict that passes, and one that ended and is called open.
+#[test]
+fn a_scan_without_a_verdict_is_inspected_again() {
+    let (_here, path) = new_path();
+    let mut writer = Writer::create(&path, &plan(SampleFormat::I16), 0, CONFIG).unwrap();
+    writer.end_scan(0).unwrap();
+    writer.finish().unwrap();
+    let reader = Reader::open(&path).unwrap();
+    let verdicts = [0, 1].map(|scan| reader.verdict(scan, None));
+    assert_eq!(verdicts, [Reasons::NO_INDEX, Reasons::NOT_ENDED].map(|reasons| (Verdict::ReInspect, reasons)));
 }
 
 /// Where the bytes of what an archive holds lie, and which plan row or scan each is of.

@@ -11,8 +11,8 @@ use anyhow::Result;
 use tapline_fuse::{OffsetMap, ReferenceSet};
 use tapline_store::{Judged, Reader, Region, regions};
 use tapline_wire::{
-    DamageCell, Discriminators, Geometry, Judgement, Quality, Reasons, Recording, Scan, ScanState, Serial, SourceKind,
-    TapState, Verdict,
+    DamageCell, Discriminators, Geometry, Judgement, Quality, Reasons, Recording, Scan, Serial, SourceKind, TapState,
+    Verdict,
 };
 
 use crate::config::Config;
@@ -163,8 +163,8 @@ impl Evidence {
             let has_angles = located.all(|(_, angle_deg)| angle_deg.is_some());
             let places = Places::of_scan(plan.geometry == Geometry::Ring && has_angles, scan);
             let taps = scan.taps.iter().map(|&row| tap(row, &places)).collect();
-            let state = reader.ledger().scans()[number];
-            let mut shoulder = shoulder(reader, scan, &places, judged, state, taps);
+            let verdict = reader.verdict(number, judged.as_ref());
+            let mut shoulder = shoulder(reader, scan, &places, verdict, judged, taps);
             // The map of a single offset repeats the whole.
             let maps = fusion.as_mut().and_then(|fusion| fusion.by_offset(number).ok());
             shoulder.offsets = maps.filter(|maps| maps.len() > 1).unwrap_or_default();
@@ -215,8 +215,8 @@ fn shoulder(
     reader: &Reader,
     scan: &Scan,
     places: &Places,
+    (verdict, reasons): (Verdict, Reasons),
     judged: Option<Judged>,
-    state: ScanState,
     taps: Vec<Tap>,
 ) -> Shoulder {
     let cracked = |location| reader.truth().get(&(scan.tyre, scan.shoulder, location)).copied();
@@ -230,10 +230,6 @@ fn shoulder(
         is_cracked: cracked(cell.location),
     };
     let known = |value: f64| Some(value).filter(|value| value.is_finite());
-    let judged = Verdict::from_code(judgement.verdict).map(|verdict| (verdict, judgement.reasons));
-    // As in the exported table of verdicts.
-    let unknown = if state == ScanState::Open { Reasons::NOT_ENDED } else { Reasons::NO_INDEX };
-    let (verdict, reasons) = judged.unwrap_or((Verdict::ReInspect, unknown));
     let qualities = || taps.iter().filter_map(|tap| tap.found.map(|found| found.quality));
     let limits = known(judgement.limit_re_inspect).zip(known(judgement.limit_reject));
     Shoulder {

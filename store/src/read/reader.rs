@@ -4,7 +4,8 @@ use std::path::Path;
 
 use tapline_codec::Codec;
 use tapline_wire::{
-    DamageCell, Discriminators, Judgement, Ledger, Plan, Quality, Samples, ScanState, TapHeader, TapId, TapState, Truth,
+    DamageCell, Discriminators, Judgement, Ledger, Plan, Quality, Reasons, Samples, ScanState, TapHeader, TapId,
+    TapState, Truth, Verdict,
 };
 
 use crate::archive::states::States;
@@ -275,6 +276,13 @@ impl Reader {
         };
         let is_judged = |state: &ScanState| *state == ScanState::Judged;
         (0..).zip(self.ledger.scans()).map(|(scan, state)| is_judged(state).then(|| judged(scan)).transpose()).collect()
+    }
+
+    /// Verdict and reasons of scan `scan`, of which `judged` is known. Without a verdict it is never PASS: someone must look at it.
+    pub fn verdict(&self, scan: usize, judged: Option<&Judged>) -> (Verdict, Reasons) {
+        let known = judged.and_then(|(judgement, _)| Some((Verdict::from_code(judgement.verdict)?, judgement.reasons)));
+        let is_open = self.ledger.scans().get(scan) == Some(&ScanState::Open);
+        known.unwrap_or((Verdict::ReInspect, if is_open { Reasons::NOT_ENDED } else { Reasons::NO_INDEX }))
     }
 }
 
