@@ -24,7 +24,7 @@ pub(crate) fn repack(paths: &[PathBuf], codec: Codec, out: &Path, as_json: bool)
         }
         progress.begin(file);
         note_folder(&to);
-        let repacked = tapline_store::repack_with(&file.path, &to, codec, |part| progress.note_part(part));
+        let repacked = tapline_store::repack(&file.path, &to, codec, |part| progress.note_part(part));
         if let Some(repacked) = outcome.take(file, repacked)? {
             progress.beside(|| print(&file.path, &to, &repacked, as_json))?;
         }

@@ -97,7 +97,7 @@ fn print(archive: &Path, checked: tapline_store::Result<Report>, as_json: bool) 
         return Ok(is_complete);
     }
     let count = |state| report.ledger.count(state);
-    let (archived, refused, missing) = (count(TapState::Archived), count(TapState::Refused), report.missing_count);
+    let [archived, refused, missing] = [TapState::Archived, TapState::Refused, TapState::Missing].map(count);
     let file = archive.display().to_string();
     for problem in &problems {
         let is_named = problem.contains(&file);
@@ -126,7 +126,7 @@ fn json_of(archive: &Path, report: Option<&Report>, problems: &[String]) -> Valu
         "plan_digest": report.map(|report| format!("{:016x}", report.plan_digest)),
         "archived": count(TapState::Archived),
         "refused": count(TapState::Refused),
-        "missing": report.map(|report| report.missing_count),
+        "missing": count(TapState::Missing),
         "scans": report.map(|report| report.ledger.scans().len()),
         "is_judged": report.map(Report::is_judged),
         "problems": problems,

@@ -72,7 +72,7 @@ pub use read::reader::{Judged, OwnedSamples, Reader, Refusal};
 pub use read::regions::{Region, regions};
 pub use read::samples::{ReadBuffer, Taps};
 pub use read::verify::{Problem, Report, verify, verify_with};
-pub use repack::{Repacked, repack, repack_with};
+pub use repack::{Repacked, repack};
 pub use stage::{Outcome, Places, RunError, StoreRun, Unreported, casing_id, run};
 pub use tapline_codec::Codec;
 pub use write::Writer;

@@ -41,20 +41,13 @@ pub struct Repacked {
 
 /// Writes the archive at `from` to `to`, its samples packed with `codec`; every sample is checked.
 ///
-/// The new file appears complete or not at all, and its results have the same lineage.
+/// The new file appears complete or not at all, and its results have the same lineage. `on_part` is called every few taps with the
+/// part of the work that is done, from 0 to 1.
 ///
 /// # Errors
 /// [`Error::Exists`] if `to` exists, [`Error::ResultsAlone`] if `from` has no samples of its own, [`Error::Damaged`] if [`crate::verify()`]
 /// finds a problem in it, or what the system returns.
-pub fn repack(from: impl AsRef<Path>, to: impl AsRef<Path>, codec: Codec) -> Result<Repacked> {
-    repack_with(from, to, codec, |_part| ())
-}
-
-/// As [`repack`]; `on_part` is called every few taps with the part of the work that is done, from 0 to 1.
-///
-/// # Errors
-/// As [`repack`].
-pub fn repack_with(
+pub fn repack(
     from: impl AsRef<Path>,
     to: impl AsRef<Path>,
     codec: Codec,

@@ -108,7 +108,7 @@ fn h5py_unpacks_every_codec() {
     command.args(["-c", UNPACK]);
     for (name, _) in filters {
         let to = path(&format!("{name}.h5"));
-        tapline_store::repack(path("run.h5"), &to, tapline_store::Codec::from_name(name).unwrap()).unwrap();
+        tapline_store::repack(path("run.h5"), &to, tapline_store::Codec::from_name(name).unwrap(), |_part| ()).unwrap();
         command.arg(to);
     }
     let out = command.output().unwrap();

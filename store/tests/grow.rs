@@ -39,7 +39,7 @@ fn what_is_added_is_as_what_was_planned() {
         writer.finish().unwrap();
         assert!(verify(&path).unwrap().is_complete(), "{:?}", verify(&path).unwrap());
         let again = path.with_file_name("again.h5");
-        repack(&path, &again, Codec::Gzip).unwrap();
+        repack(&path, &again, Codec::Gzip, |_part| ()).unwrap();
         let results = path.with_file_name("results.h5");
         let reader = Reader::open(&path).unwrap();
         let raw = (path.as_path(), reader.raw_digest().unwrap());

@@ -45,7 +45,7 @@ fn every_codec_gives_the_same_archive() {
         let mut from = path("run.h5");
         for codec in [Codec::Gzip, Codec::None, Codec::Zstd, Codec::Lz4] {
             let to = path(&format!("{codec}.h5"));
-            repack(&from, &to, codec).unwrap();
+            repack(&from, &to, codec, |_part| ()).unwrap();
             let reader = Reader::open(&to).unwrap();
             assert_eq!((reader.codec(), reader.lineage_key().unwrap()), (codec, first.lineage_key().unwrap()));
             assert!(contents(&reader) == contents(&first), "{codec}");
@@ -74,9 +74,9 @@ fn every_codec_gives_the_same_archive() {
         }
         // Only the codec decides on the bytes, not the way to them.
         let bytes = |name: &str| fs::read(path(name)).unwrap();
-        repack(path("run.h5"), path("again.h5"), Codec::Lz4).unwrap();
+        repack(path("run.h5"), path("again.h5"), Codec::Lz4, |_part| ()).unwrap();
         assert!(bytes("again.h5") == bytes("lz4.h5"));
-        assert!(matches!(repack(&from, path("none.h5"), Codec::None), Err(Error::Exists { .. })));
+        assert!(matches!(repack(&from, path("none.h5"), Codec::None, |_part| ()), Err(Error::Exists { .. })));
     }
 }
 
@@ -89,7 +89,7 @@ fn damage_is_not_copied() {
     let mut bytes = fs::read(&path).unwrap();
     bytes[at + 9] ^= 1;
     fs::write(&path, bytes).unwrap();
-    let error = repack(&path, path.with_file_name("to.h5"), Codec::Zstd).unwrap_err();
+    let error = repack(&path, path.with_file_name("to.h5"), Codec::Zstd, |_part| ()).unwrap_err();
     assert!(error.to_string().contains("plan row 3"), "{error}");
     assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
 }

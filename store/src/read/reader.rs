@@ -14,7 +14,6 @@ use crate::error::{Context, Result};
 use crate::format::checksum::ChecksummedRow;
 use crate::format::fields::{at_attempt, text};
 use crate::format::layout::LedgerRow;
-use crate::format::lineage::lineage_key;
 use crate::format::lost::Lost;
 use crate::read::samples::{ReadBuffer, SampleFile, Taps, checked_header};
 
@@ -140,7 +139,7 @@ impl Reader {
     /// # Errors
     /// What the system returns.
     pub fn lineage_key(&self) -> Result<String> {
-        Ok(lineage_key(&self.raw_digest()?, self.made_by(), self.reference()))
+        self.archive.key()
     }
 
     /// Whether this archive has only results, of the taps of another.

@@ -64,8 +64,6 @@ pub struct Report {
     pub ledger: Ledger,
     /// Problems, those of taps first, in plan order.
     pub problems: Vec<Problem>,
-    /// Planned taps that are missing.
-    pub missing_count: usize,
     /// Whether the archive is finished and its seal valid.
     pub is_finished: bool,
 }
@@ -73,7 +71,8 @@ pub struct Report {
 impl Report {
     /// Whether the archive is finished and without problems, every planned tap settled and every scan judged.
     pub fn is_complete(&self) -> bool {
-        self.is_finished && self.problems.is_empty() && self.missing_count == 0 && self.is_judged()
+        let is_settled = self.ledger.count(TapState::Missing) == 0;
+        self.is_finished && self.problems.is_empty() && is_settled && self.is_judged()
     }
 
     /// Whether every scan is judged.
@@ -104,7 +103,6 @@ fn verify_file(archive: &Archive, mut on_part: impl FnMut(f64)) -> Result<Report
         plan_digest: plan.digest(),
         ledger: Ledger::empty(plan.taps().len(), plan.scans().len()),
         problems: Vec::new(),
-        missing_count: 0,
         is_finished: archive.is_finished,
     };
     let context = "read a table";
@@ -148,7 +146,6 @@ fn verify_file(archive: &Archive, mut on_part: impl FnMut(f64)) -> Result<Report
             }
         }
     }
-    report.missing_count = report.ledger.count(TapState::Missing);
     let scans = archive.scans.read_all().context(context, &archive.path)?;
     for (scan, row) in (0..).zip(&scans) {
         let k = scan as usize;
