@@ -30,7 +30,8 @@ pub(crate) fn calibrate(verb: &CalibrateVerb) -> Result<bool> {
         #[cfg(not(feature = "alsa"))]
         CalibrateVerb::Blows { .. } | CalibrateVerb::Tone { .. } => crate::cli::built_without("ALSA", "alsa"),
         CalibrateVerb::State { channel, full_scale_v, sensitivity_mv, gain, written } => {
-            keep(written, *channel, || stated(*channel, *full_scale_v, *sensitivity_mv, *gain))
+            let found = stated(*channel, *full_scale_v, *sensitivity_mv, *gain)?;
+            keep(written, *channel, || Ok(found))
         }
     }
 }
