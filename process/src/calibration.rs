@@ -6,6 +6,10 @@ use std::f64::consts::{SQRT_2, TAU};
 const STEP_HZ: f64 = 0.25;
 const SEARCH: f64 = 0.02;
 
+/// Longest part of a recording in which a tone is sought. The window passes frequencies within 2 / T of the tone: in a longer
+/// part all of them may lie between two steps.
+const SEARCH_S: f64 = 8.0;
+
 /// Parts of a recording whose levels are compared.
 const PARTS: usize = 8;
 
@@ -53,17 +57,14 @@ pub fn of_tone(samples: &[f32], sample_rate_hz: f64, frequency_hz: f64) -> Optio
     if periods < 100.0 || (1.0 + SEARCH) * frequency_hz >= 0.5 * sample_rate_hz {
         return None;
     }
+    let middle = middle(samples, (SEARCH_S * sample_rate_hz) as usize);
     let steps = (SEARCH * frequency_hz / STEP_HZ).ceil();
     let tried = (0..=2 * steps as usize).map(|step| frequency_hz + (step as f64 - steps) * STEP_HZ);
-    let rated = tried.map(|hz| (hz, rms_at(samples, sample_rate_hz, hz)));
-    let (frequency_hz, _) = rated.max_by(|a, b| a.1.total_cmp(&b.1))?;
-    // The window of the whole is narrower than a step.
-    let (mut low, mut high) = (frequency_hz - STEP_HZ, frequency_hz + STEP_HZ);
-    for _ in 0..30 {
-        let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
-        if rms_at(samples, sample_rate_hz, a) < rms_at(samples, sample_rate_hz, b) { low = a } else { high = b }
-    }
-    let frequency_hz = 0.5 * (low + high);
+    let rated = tried.map(|hz| (hz, rms_at(middle, sample_rate_hz, hz)));
+    let (nearest_hz, _) = rated.max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let of_middle_hz = loudest_hz(middle, sample_rate_hz, nearest_hz, STEP_HZ);
+    // The whole passes fewer frequencies than its middle, and needs the tone's more exactly.
+    let frequency_hz = loudest_hz(samples, sample_rate_hz, of_middle_hz, sample_rate_hz / samples.len() as f64);
     let rms = rms_at(samples, sample_rate_hz, frequency_hz);
     let whole = windowed(samples, |x, _| x * x).sqrt();
     // Rounding may leave less than nothing beside a clean tone.
@@ -71,6 +72,22 @@ pub fn of_tone(samples: &[f32], sample_rate_hz: f64, frequency_hz: f64) -> Optio
     let parts = samples.chunks_exact(samples.len() / PARTS).map(|part| rms_at(part, sample_rate_hz, frequency_hz));
     let drift = parts.map(|part| (part / rms - 1.0).abs()).max_by(f64::total_cmp)?;
     (rms > 0.0 && whole > 0.0).then_some(Tone { rms, frequency_hz, rest, drift })
+}
+
+/// The middle of `samples`, of at most `count`.
+fn middle(samples: &[f32], count: usize) -> &[f32] {
+    let cut = samples.len().saturating_sub(count) / 2;
+    &samples[cut..samples.len() - cut]
+}
+
+/// The frequency of the highest level within `reach_hz` of `near_hz`, where the level has one maximum.
+fn loudest_hz(samples: &[f32], sample_rate_hz: f64, near_hz: f64, reach_hz: f64) -> f64 {
+    let (mut low, mut high) = (near_hz - reach_hz, near_hz + reach_hz);
+    for _ in 0..20 {
+        let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
+        if rms_at(samples, sample_rate_hz, a) < rms_at(samples, sample_rate_hz, b) { low = a } else { high = b }
+    }
+    0.5 * (low + high)
 }
 
 /// Root of the mean square of a sine of `frequency_hz` in `samples`, through Hann's window, which keeps others out.
@@ -138,5 +155,17 @@ mod tests {
         assert!(falling.drift > 0.03, "{falling:?}");
         assert_eq!(of_tone(&tone(1000.0, 0.0, 0.0)[..4000], rate_hz, 1000.0), None);
         assert_eq!(of_tone(&tone(1000.0, 0.0, 0.0), rate_hz, 24_000.0), None);
+    }
+
+    /// Catches a tone that is lost between two steps, because a long recording passes few frequencies.
+    #[test]
+    fn a_long_recording_has_the_same_level() {
+        let rate_hz = 4000.0;
+        let tone = |k: u32| (0.2 * (TAU * 1000.1 * f64::from(k) / rate_hz).sin()) as f32;
+        let samples: Vec<f32> = (0..240_000).map(tone).collect();
+        for seconds in [20, 60] {
+            let found = of_tone(&samples[..seconds * 4000], rate_hz, 1000.0).unwrap();
+            assert!((found.rms * SQRT_2 / 0.2 - 1.0).abs() < 1e-4, "{seconds} s: {found:?}");
+        }
     }
 }
