@@ -316,7 +316,12 @@ impl Python {
         let all: Vec<f64> = taps.iter().flat_map(of).collect();
         fs::write(&units, bytemuck::cast_slice(&all))?;
         let header = &taps[0].header;
-        let words = [count.to_string(), header.sample_rate_hz.to_string(), header.pre_trigger_samples.to_string()];
+        let words = [
+            count.to_string(),
+            header.sample_rate_hz.to_string(),
+            header.pre_trigger_samples.to_string(),
+            header.microphone_distance_m.to_string(),
+        ];
         let mut child = Command::new(python)
             .arg(root().join("benches/kernels.py"))
             .args([&counts, &units])

@@ -27,7 +27,7 @@ def main(path, record_s):
     with h5py.File(path, "r") as archive:
         samples, headers = archive["taps/samples"], archive["taps/header"][:]
         rate_hz, pre = float(samples.attrs["sample_rate_hz"]), int(samples.attrs["pre_trigger_samples"])
-        tap_count, _, count = samples.shape
+        tap_count, count = np.count_nonzero(archive["ledger"]["state"] == 1), samples.shape[2]  # spare rows come last
         if record_s > 0:
             count = min(count, int(np.ceil(record_s * rate_hz)))
         counts, of = np.empty((BATCH, 2, count), np.int16), Batch(BATCH, count, rate_hz, pre, rfft)
@@ -36,7 +36,8 @@ def main(path, record_s):
             n = min(BATCH, tap_count - first)
             samples.read_direct(counts, np.s_[first : first + n, :, :count], np.s_[:n])
             units = headers["unit_per_count"][first : first + n].astype(np.float32)
-            sums += [values.sum() for values in of.seven(counts[:n], units)]
+            distance_m = headers["microphone_distance_m"][first : first + n]
+            sums += [values.sum() for values in of.seven(counts[:n], units, distance_m)]
     return time.perf_counter() - begin, *sums
 
 
