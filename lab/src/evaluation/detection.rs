@@ -20,6 +20,8 @@ pub(crate) struct Target {
     pub is_found: bool,
     /// Greatest index along its arc; NaN where none of its locations has one.
     pub response: f64,
+    /// The response above which it is found.
+    pub limit: f64,
 }
 
 /// The targets of a class, with both curves or why one is missing.
@@ -32,14 +34,14 @@ pub(crate) struct Detection {
 }
 
 impl Detection {
-    /// Fits both curves, the second to responses, which are finds above `limit`; a target without a response was missed, and is
-    /// not in the second.
-    pub(crate) fn new(class: String, targets: Vec<Target>, limit: f64) -> Self {
+    /// Fits both curves, the second to responses over their limits; a target without a response was missed, and is not in the
+    /// second.
+    pub(crate) fn new(class: String, targets: Vec<Target>) -> Self {
         let sizes: Vec<f64> = targets.iter().map(|t| t.size_mm).collect();
         let is_found: Vec<bool> = targets.iter().map(|t| t.is_found).collect();
         let answered = targets.iter().filter(|t| t.response.is_finite());
-        let (answered_sizes, responses): (Vec<f64>, Vec<f64>) = answered.map(|t| (t.size_mm, t.response)).unzip();
-        Self { class, hit_miss: hit_miss(&sizes, &is_found), a_hat: a_hat(&answered_sizes, &responses, limit), targets }
+        let (answered_sizes, responses): (Vec<f64>, Vec<f64>) = answered.map(|t| (t.size_mm, t.response / t.limit)).unzip();
+        Self { class, hit_miss: hit_miss(&sizes, &is_found), a_hat: a_hat(&answered_sizes, &responses, 1.0), targets }
     }
 
     pub(crate) fn found_count(&self) -> usize {
@@ -116,5 +118,27 @@ fn uneven(line: &AHat) -> String {
     } else {
         "responses scatter differently at different sizes, which the line does not allow for: use hit or miss"
             .to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches one limit for all targets: whoever judges a shoulder on another scale finds the same cracks.
+    #[test]
+    fn responses_are_compared_with_their_own_limits() {
+        let curve = |scale: fn(u32) -> f64| {
+            let target = |k: u32| {
+                let size_mm = 4.0 + 0.5 * f64::from(k);
+                let response = size_mm.ln() - 2.0 + 0.06 * f64::from(7 * k % 11);
+                let (response, limit) = (scale(k) * response, scale(k) * 0.4);
+                Target { size_mm, depth_mm: None, location_count: 1, is_found: response > limit, response, limit }
+            };
+            let detection = Detection::new("all".to_owned(), (0..60).map(target).collect());
+            detection.a_hat.unwrap().a90.unwrap()
+        };
+        let (alike, different) = (curve(|_| 1.0), curve(|k| if k < 30 { 1.0 } else { 3.0 }));
+        assert!((different / alike - 1.0).abs() < 1e-9, "{different} {alike}");
     }
 }

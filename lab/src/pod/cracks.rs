@@ -68,11 +68,12 @@ pub(super) fn detections(inspected: &[InspectedShoulder]) -> Vec<Detection> {
                     location_count: crack.location_count,
                     is_found: limit.is_found(scan, crack),
                     response: limit.response(scan, crack),
+                    limit: 1.0,
                 })
             })
         });
         let targets: Vec<Target> = targets.collect();
-        (!targets.is_empty()).then(|| Detection::new(limit.class().to_owned(), targets, 1.0))
+        (!targets.is_empty()).then(|| Detection::new(limit.class().to_owned(), targets))
     };
     Limit::ALL.into_iter().filter_map(of_limit).collect()
 }

@@ -30,9 +30,7 @@ pub(super) fn detection(set: &Set, size: &Size, seed: u64) -> Result<Vec<Detecti
     let by = dataset.reference(|tyre| tyre.starts_with("reference"))?;
     let judged = judge(&FuseConfig::default(), &dataset.of_tyres(|tyre| tyre.starts_with("target"))?, Some(&by))?;
     let mut found = Vec::new();
-    let mut limit = f64::NAN;
     for shoulder in &judged {
-        limit = shoulder.limit;
         let cracks = tyres.iter().filter(|t| t.serial == shoulder.tyre).flat_map(|t| &t.crack);
         for crack in cracks.filter(|c| c.shoulder == shoulder.shoulder) {
             let arc = || {
@@ -45,17 +43,18 @@ pub(super) fn detection(set: &Set, size: &Size, seed: u64) -> Result<Vec<Detecti
                 location_count: crack.location_count,
                 is_found: arc().any(|(_, &is_called)| is_called),
                 response: arc().map(|(&x, _)| x).filter(|x| !x.is_nan()).max_by(f64::total_cmp).unwrap_or(f64::NAN),
+                limit: shoulder.limit,
             });
         }
     }
-    let mut classes = vec![Detection::new("all depths".to_owned(), found.clone(), limit)];
+    let mut classes = vec![Detection::new("all depths".to_owned(), found.clone())];
     for depths in DEPTHS_MM.windows(2) {
         let within = found
             .iter()
             .filter(|t| (depths[0]..depths[1]).contains(&t.depth_mm.unwrap_or(f64::NAN)))
             .cloned()
             .collect();
-        classes.push(Detection::new(format!("{} to {} mm deep", depths[0], depths[1]), within, limit));
+        classes.push(Detection::new(format!("{} to {} mm deep", depths[0], depths[1]), within));
     }
     Ok(classes)
 }
