@@ -143,11 +143,13 @@ fn centroid_hz(grid: &Grid, band: &Cells, powers: &[f64], sample_count: usize) -
         moment += part * (bin as f64 - first) * powers[bin];
     };
     (bins.end - rest.len()..bins.end).for_each(|bin| add(bin, 1.0));
-    // The Nyquist frequency counts once.
-    if !rest.is_empty() && 2 * (bins.end - 1) == sample_count {
+    // The Nyquist frequency counts once, all others twice.
+    let is_nyquist = |bin: usize| 2 * bin == sample_count;
+    if bins.clone().last().is_some_and(is_nyquist) {
         add(bins.end - 1, -0.5);
     }
-    band.edges.into_iter().filter(|&(bin, part)| bin > 0 && part > 0.0).for_each(|(bin, part)| add(bin, part));
+    let edges = band.edges.into_iter().filter(|&(bin, part)| bin > 0 && part > 0.0);
+    edges.for_each(|(bin, part)| add(bin, if is_nyquist(bin) { 0.5 * part } else { part }));
     (first + moment / sum) * grid.bin_width_hz()
 }
 
@@ -248,6 +250,26 @@ mod tests {
             let variance = signal.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count as f64;
             let power = band_power(signal, &View::plain(5000.0), &EVERYTHING).unwrap();
             assert!((power.e_f / variance - 1.0).abs() < 1e-12, "{count}: {} {variance}", power.e_f);
+        }
+    }
+
+    /// Catches the Nyquist frequency that counts twice in the centroid, whether its bin counts in full or in part.
+    #[test]
+    fn the_centroid_counts_nyquist_once() {
+        // All numbers of bins after the last row of lanes.
+        for half in 8..20 {
+            let grid = Grid::new(2 * half, 2.0 * half as f64); // bins of 1 Hz
+            let powers: Vec<f64> = (0..=half).map(|bin| 1.0 + bin as f64).collect();
+            for edges in [BandEdges::Bins, BandEdges::Fractional] {
+                let band = grid.cells(edges, 1.0, half as f64).unwrap();
+                let mut parts = vec![1.0; half + 1];
+                band.edges.into_iter().filter(|&(_, part)| part > 0.0).for_each(|(bin, part)| parts[bin] = part);
+                parts[half] *= 0.5;
+                let sum = |of: fn(usize) -> f64| (1..=half).map(|bin| of(bin) * parts[bin] * powers[bin]).sum::<f64>();
+                let expected = sum(|bin| bin as f64) / sum(|_| 1.0);
+                let found = centroid_hz(&grid, &band, &powers, 2 * half);
+                assert!((found - expected).abs() < 1e-12, "{half}, {edges:?}: {found} {expected}");
+            }
         }
     }
 
