@@ -36,17 +36,17 @@ pub enum DurationEstimator {
     Impulse,
 }
 
-/// What is subtracted from the sound. It is estimated before the trigger; without a baseline nothing is subtracted.
+/// What is subtracted from the sound. It is estimated before the trigger.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Subtraction {
     /// Nothing.
     #[default]
     None,
-    /// The noise: its power from PR, P_f and E_f, its magnitude from A_2. Bands that hold no more than noise are
-    /// absent.
+    /// The noise: its power from PR, P_f and E_f, its magnitude from A_2. Bands that hold no more than noise are absent, and so
+    /// are all powers if a baseline of less than 32 samples, or without a bin in a band, does not show the noise.
     Noise,
-    /// A sine of `mains_hz`, from every value of the sound; needs a baseline of at least a quarter of its period.
+    /// A sine of `mains_hz`, from every value of the sound; nothing if the baseline is shorter than a quarter of its period.
     Hum,
     /// Both, the hum first.
     Both,

@@ -15,7 +15,7 @@
 //! | `NON_FINITE` | what needs the channel whose scale, or one of whose samples, is not a number |
 //! | `NO_FORCE` | F_max, tau, A_1; A_2 starts at the onset that the sound itself shows |
 //! | `NO_SOUND` | A_1, A_2, PR, P_f, E_f, centroid |
-//! | `NO_BASELINE` | F_max, tau, A_1, A_2; the spectrum needs no baseline |
+//! | `NO_BASELINE` | F_max, tau, A_1, A_2; if noise is subtracted and the baseline does not show it, PR, P_f, E_f, centroid |
 //! | `NO_PULSE` | F_max, tau, A_1, A_2 |
 //! | `NO_ONSET` | A_1 and A_2; if the sound does not vary, or by less than 6 sigma, PR, P_f, E_f and the centroid too |
 //! | `NO_BAND` | PR, P_f, E_f, centroid; if noise is subtracted, also if a band has no more than noise |

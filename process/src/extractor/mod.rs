@@ -122,7 +122,7 @@ impl<T: Real> Extractor<T> {
         let track = record.force.ok_or(Quality::NO_FORCE)?;
         let extent = checked(track, fill_means(track.samples, &mut self.means))?;
         if extent.is_constant() {
-            report.note(Quality::NO_FORCE); // a channel of zeros counts as none
+            report.note(Quality::NO_FORCE); // beside NO_PULSE, which drops A_2 too
         }
         let peak_at = peak_at(track, extent).ok_or(Quality::NON_FINITE)?;
         let baseline_count = baseline_count(record.pre_trigger_samples, track.samples.len());
@@ -236,11 +236,10 @@ impl<T: Real> Extractor<T> {
         let view = View {
             sample_rate_hz: record.sample_rate_hz,
             edges: self.config.band_edges,
-            quiet_count: baseline_count.filter(|_| self.config.subtract.has_noise()).unwrap_or(0),
+            quiet_count: self.config.subtract.has_noise().then(|| baseline_count.unwrap_or(0)),
         };
         let moments = self.blocks.moments(&self.signal);
-        let power = self.spectrum.band_power(&mut self.signal, moments, &view, &bands);
-        let power = power.ok_or(Quality::NO_BAND)?;
+        let power = self.spectrum.band_power(&mut self.signal, moments, &view, &bands)?;
         self.is_faint = power.is_faint;
         found.set(Discriminator::Pr, power.pr);
         found.set(Discriminator::Pf, power.p_f * unit * unit);

@@ -13,6 +13,7 @@ pub(crate) mod transform;
 
 use bands::{Cells, Folded, Grid};
 use plans::Plans;
+use tapline_wire::Quality;
 
 use crate::signal::blocks::Moments;
 use crate::signal::real::sum_of_squares;
@@ -45,15 +46,15 @@ const FAINT: f64 = 1e-5;
 pub(crate) struct View {
     pub sample_rate_hz: f64,
     pub edges: BandEdges,
-    /// Number of samples, from the record's first, that give the noise to subtract; 0 to subtract none.
-    pub quiet_count: usize,
+    /// Number of samples, from the record's first, that give the noise to subtract; `None` to subtract none.
+    pub quiet_count: Option<usize>,
 }
 
 impl View {
     /// A record at `sample_rate_hz`, by whole bins, from which nothing is subtracted.
     #[cfg(test)]
     fn plain(sample_rate_hz: f64) -> Self {
-        Self { sample_rate_hz, edges: BandEdges::Bins, quiet_count: 0 }
+        Self { sample_rate_hz, edges: BandEdges::Bins, quiet_count: None }
     }
 }
 
@@ -71,28 +72,31 @@ impl<T: Real> Spectrum<T> {
     /// PR, P_f, E_f and the centroid of `signal`, whose mean and mean square are `moments`, computed as `view` says. Overwrites the
     /// signal.
     ///
-    /// `None` if a band has no bin, if the reference band has no power, or if the flexural band has no more than noise.
+    /// # Errors
+    /// `NO_BAND` if a band has no bin, if the reference band has no power, or if the flexural band has no more than noise;
+    /// `NO_BASELINE` if the quiet samples are too few to show the noise.
     pub(crate) fn band_power(
         &mut self,
         signal: &mut [T],
         moments: Moments,
         view: &View,
         bands: &Bands,
-    ) -> Option<BandPower> {
-        let noise = match view.quiet_count {
-            0 => None,
-            count => noise::of_bands(&mut self.plans, signal.get(..count)?, view.sample_rate_hz, bands),
-        };
+    ) -> Result<BandPower, Quality> {
         let count = signal.len();
         let grid = Grid::new(count, view.sample_rate_hz);
-        let (flexural, reference) = cells(&grid, view.edges, bands)?;
+        let (flexural, reference) = cells(&grid, view.edges, bands).ok_or(Quality::NO_BAND)?;
+        let noise = view.quiet_count.map(|count| {
+            let quiet = signal.get(..count).unwrap_or_default();
+            noise::of_bands(&mut self.plans, quiet, view.sample_rate_hz, bands).ok_or(Quality::NO_BASELINE)
+        });
+        let noise = noise.transpose()?;
         let mean_square = square_about_mean(signal, moments);
         let powers = self.plans.powers(signal, end(&flexural, &reference));
         let centroid_hz = centroid_hz(&grid, &reference, powers, count);
         let (flexural, reference) = (grid.fold(flexural, powers), grid.fold(reference, powers));
         let has_power = reference.sum > 0.0;
         if !has_power {
-            return None;
+            return Err(Quality::NO_BAND);
         }
         // |X|^2 / (fs N) is a density, V^2/Hz (Eq. 50).
         let density = 1.0 / (view.sample_rate_hz * count as f64);
@@ -106,8 +110,8 @@ impl<T: Real> Spectrum<T> {
             is_faint: energy(flexural) < FAINT * mean_square,
         };
         match noise {
-            None => Some(power),
-            Some(noise) => noise.subtracted(&power, energy(reference)),
+            None => Ok(power),
+            Some(noise) => noise.subtracted(&power, energy(reference)).ok_or(Quality::NO_BAND),
         }
     }
 }
@@ -216,7 +220,7 @@ mod tests {
         Moments { mean: mean_of(|x| x), mean_square: mean_of(|x| x * x) }
     }
 
-    fn band_power<T: Real>(mut signal: Vec<T>, view: &View, bands: &Bands) -> Option<BandPower> {
+    fn band_power<T: Real>(mut signal: Vec<T>, view: &View, bands: &Bands) -> Result<BandPower, Quality> {
         let moments = moments(&signal);
         Spectrum::new().band_power(&mut signal, moments, view, bands)
     }
@@ -273,6 +277,21 @@ mod tests {
         }
     }
 
+    /// Catches noise that is to be subtracted and silently is not, because nothing before the trigger shows it.
+    #[test]
+    fn noise_that_is_not_known_is_not_left_in() {
+        let mut signal = noise(4096);
+        signal[..1024].iter_mut().for_each(|x| *x *= 0.1);
+        let found = |quiet_count, bands: &Bands| {
+            let view = View { quiet_count: Some(quiet_count), ..View::plain(40_960.0) };
+            band_power(signal.clone(), &view, bands).map(|_| ())
+        };
+        let unknown = Err(Quality::NO_BASELINE);
+        assert_eq!([found(1024, &BANDS), found(31, &BANDS), found(0, &BANDS)], [Ok(()), unknown, unknown]);
+        // Bins of 1024 Hz: none lies between f_c and f_hi.
+        assert_eq!(found(40, &Bands { f_hi_hz: 1000.0, ..BANDS }), unknown);
+    }
+
     /// Catches an edge that is left out: bins of 10 Hz, edges on bins, one tone on each edge.
     #[test]
     fn edges_are_inside() {
@@ -310,9 +329,10 @@ mod tests {
     /// Catches a value invented where there are no bins or no power.
     #[test]
     fn empty_bands() {
-        assert_eq!(band_power(noise(16), &View::plain(40_960.0), &BANDS), None);
-        assert_eq!(band_power(noise(1000), &View::plain(100.0), &BANDS), None);
-        assert_eq!(band_power(vec![0.0_f32; 1000], &View::plain(40_960.0), &BANDS), None);
-        assert_eq!(band_power(vec![1.0_f32], &View::plain(40_960.0), &EVERYTHING), None);
+        let none = Err(Quality::NO_BAND);
+        assert_eq!(band_power(noise(16), &View::plain(40_960.0), &BANDS), none);
+        assert_eq!(band_power(noise(1000), &View::plain(100.0), &BANDS), none);
+        assert_eq!(band_power(vec![0.0_f32; 1000], &View::plain(40_960.0), &BANDS), none);
+        assert_eq!(band_power(vec![1.0_f32], &View::plain(40_960.0), &EVERYTHING), none);
     }
 }
