@@ -142,7 +142,7 @@ def main():
     size = np.exp(rng.uniform(np.log(2e-3), np.log(30e-3), 24)).round(6)
     response = (90 + 12 * np.log(size) + rng.normal(0, 6, 24)).round(2)
     a_hat("responses as they are", size, response, 35.0)
-    print("];\n\n/// Count, all, level; the intervals of Clopper and Pearson and of Wilson.")
+    print("];\n\n/// Count, all, level; the interval of Clopper and Pearson.")
     print("#[rustfmt::skip]\npub(crate) const RATES: &[RateCase] = &[")
     rates()
     print("];\n\n/// Readings of 6 parts by 3 operators, 2 each.\n#[rustfmt::skip]")

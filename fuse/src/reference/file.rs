@@ -40,7 +40,7 @@ pub struct ReferenceSet {
     pub directions: Directions,
     /// AUC of each discriminator alone for a rising value, if there are labels: directions were learned from it.
     pub auc: BTreeMap<String, f64>,
-    /// Scales, covariance and limits of the default index with this reference.
+    /// Scales and limits of the default index with this reference.
     pub summary: Summary,
     /// The shoulders.
     pub shoulders: Vec<KnownShoulder>,

@@ -59,7 +59,7 @@ fn keeping() -> ProcessConfig {
     ProcessConfig { quality: QualityConfig::keeping(), ..ProcessConfig::default() }
 }
 
-/// Errors of the seven discriminators of `tap`, and its flags.
+/// Errors of the discriminators of `tap`, and its flags.
 fn errors(tap: &Tap) -> (Vec<f64>, Quality) {
     let found = tap.extract(&keeping());
     let clean = Tap::sound().extract(&keeping()).values;

@@ -118,7 +118,7 @@ pub(crate) const A_HAT: &[AHatCase] = &[
     },
 ];
 
-/// Count, all, level; the intervals of Clopper and Pearson and of Wilson.
+/// Count, all, level; the interval of Clopper and Pearson.
 #[rustfmt::skip]
 pub(crate) const RATES: &[RateCase] = &[
     (0, 30, 0.95, [0.0, 0.11570330822202778]),

@@ -122,7 +122,8 @@ pub enum FaultKind {
     ClippedSound,
     /// The impactor comes back after 4 ms and strikes with 0.4 of the force.
     DoubleHit,
-    /// Another station's tap is heard after 60 ms, half as loud.
+    /// Another station's tap is heard after 60 ms, half as loud. Earlier ones are hidden by the ringing, and a record of the
+    /// default length ends before it: state a longer `sample_count` too.
     Neighbour,
     /// Mains hum of a tenth of the sound's peak.
     Hum,
