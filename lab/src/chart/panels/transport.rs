@@ -52,7 +52,7 @@ fn measure(bench: &Bench) -> Result<Panel> {
         [
             "Each record is written by the producer and summed by both consumers, as `acquire`, `process` and `store` do. Through shared \
              memory it is written once and read in place; a socket and a pipe copy it twice, once for each consumer, through the \
-             kernel. Costs are of all three processes; errors are times, medians over alternating rounds.",
+             kernel. Costs are of all three processes; errors are times, means over alternating rounds.",
             "Lines join one way from 4 KiB to 1 MiB. Each size has a front of its own.",
             "On a machine with other work, the 99th of 100 latencies is due to that work.",
         ],
@@ -73,10 +73,8 @@ fn facet(
         let cpu: Vec<f64> = runs.iter().map(|run| run.cpu_us).collect();
         let times: Vec<f64> = runs.iter().map(time_us).collect();
         let n = runs.iter().map(|run| run.count as usize).sum();
-        let of = Cost::of(&times);
-        let error = Error { value: of.median, low: of.low, high: of.high, by_seed: times };
         let size = if kib < 1024 { format!("{kib} KiB") } else { "1 MiB".to_owned() };
-        Point::new(format!("{}, {size}", way.name()), size, Cost::of(&cpu), error, n)
+        Point::new(format!("{}, {size}", way.name()), size, Cost::of(&cpu), Error::mean_of(times), n)
             .family(way as usize)
             .group(kib)
             .default_if(way == Way::Topic)
