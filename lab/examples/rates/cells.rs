@@ -128,20 +128,20 @@ impl Cell {
         let scene = format!("{:?}", self.scene);
         write!(out, "{scene:13}{:>5}{:>4}{all:>6}", named(self.by), self.repetitions)?;
         for verdict in Verdict::ALL {
-            let count = self.judged.iter().filter(|j| j.verdict == verdict.code()).count();
+            let count = self.judged.iter().filter(|j| j.result.verdict == verdict).count();
             let rate = clopper_pearson(count, all, 0.95)?;
             let percent = |x: f64| 100.0 * x;
             let text =
                 format!("{count} {:.1} % ({:.1}-{:.1})", percent(rate.rate), percent(rate.low), percent(rate.high));
             write!(out, "{text:>30}")?;
         }
-        let index = |j: &Judged| j.index.clone();
+        let index = |j: &Judged| j.result.index.clone();
         let [whole, apart] = [false, true].map(|apart| self.auc(&index, apart));
         writeln!(out, "{}{}{:>7.1}", area(whole), area(apart), self.seconds)?;
         if self.by > 0 {
             writeln!(out, "    casings of the references that stand out from the others: {}", self.standing_out)?;
         }
-        let called = || self.judged.iter().filter(|j| j.verdict != Verdict::Pass.code());
+        let called = || self.judged.iter().filter(|j| j.result.verdict != Verdict::Pass);
         let reasons: Vec<String> = Reasons::ALL
             .iter()
             .map(|&(reason, name)| (name, called().filter(|j| j.reasons.contains(reason)).count()))
@@ -151,7 +151,7 @@ impl Cell {
         if !reasons.is_empty() {
             writeln!(out, "    not passed for: {}", reasons.join(", "))?;
         }
-        let passed = self.judged.iter().enumerate().filter(|(_, j)| j.verdict == Verdict::Pass.code());
+        let passed = self.judged.iter().enumerate().filter(|(_, j)| j.result.verdict == Verdict::Pass);
         let passed: Vec<String> = passed.map(|(number, _)| number.to_string()).collect();
         if !self.scene.is_sound() && !passed.is_empty() {
             writeln!(out, "    passed, by number: {}", passed.join(", "))?;
@@ -179,10 +179,11 @@ impl Cell {
     fn auc(&self, score: &impl Fn(&Judged) -> Vec<f64>, apart: bool) -> Option<f64> {
         let (mut scores, mut labels) = (Vec::new(), Vec::new());
         for judged in &self.judged {
-            let n = judged.is_cracked.len();
+            let cracked = &judged.result.is_cracked;
+            let n = cracked.len();
             for (place, score) in score(judged).into_iter().enumerate() {
-                let is_cracked = judged.is_cracked[place];
-                let is_beside = judged.is_cracked[(place + 1) % n] || judged.is_cracked[(place + n - 1) % n];
+                let is_cracked = cracked[place];
+                let is_beside = cracked[(place + 1) % n] || cracked[(place + n - 1) % n];
                 if is_cracked || !apart || !is_beside {
                     scores.push(score);
                     labels.push(is_cracked);

@@ -140,12 +140,12 @@ pub(crate) fn loss(bench: &Bench, areas: impl Fn(Option<u64>) -> Areas) -> Resul
 
 /// Cracked shoulders that pass.
 pub(crate) fn missed_percent(inspected: &[Inspected]) -> Result<Error> {
-    rate_percent(inspected, |i| &i.cracked, |judged| judged.verdict == Verdict::Pass.code())
+    rate_percent(inspected, |i| &i.cracked, |judged| judged.result.verdict == Verdict::Pass)
 }
 
 /// Sound shoulders that do not pass.
 pub(crate) fn called_percent(inspected: &[Inspected]) -> Result<Error> {
-    rate_percent(inspected, |i| &i.sound, |judged| judged.verdict != Verdict::Pass.code())
+    rate_percent(inspected, |i| &i.sound, |judged| judged.result.verdict != Verdict::Pass)
 }
 
 /// The failure if `called`, in per cent, significantly exceeds the stated rate of false calls.

@@ -40,7 +40,8 @@ impl Detection {
         let sizes: Vec<f64> = targets.iter().map(|t| t.size_mm).collect();
         let is_found: Vec<bool> = targets.iter().map(|t| t.is_found).collect();
         let answered = targets.iter().filter(|t| t.response.is_finite());
-        let (answered_sizes, responses): (Vec<f64>, Vec<f64>) = answered.map(|t| (t.size_mm, t.response / t.limit)).unzip();
+        let (answered_sizes, responses): (Vec<f64>, Vec<f64>) =
+            answered.map(|t| (t.size_mm, t.response / t.limit)).unzip();
         Self { class, hit_miss: hit_miss(&sizes, &is_found), a_hat: a_hat(&answered_sizes, &responses, 1.0), targets }
     }
 

@@ -16,5 +16,6 @@ pub(crate) use detection::{DETECTION_COLUMNS, Detection, Target};
 pub(crate) use draw::{HALF_BOX, Key, Mark, Picture, Plot, axis, keys};
 pub(crate) use gauge::{GAUGE_COLUMNS, Reading, gauge_cells};
 pub(crate) use page::{files_of, page_of, print_tables};
-pub(crate) use shoulder::{ShoulderResult, overlap};
+pub use shoulder::ShoulderResult;
+pub(crate) use shoulder::overlap;
 pub(crate) use table::{Cell, Table, cell, ends, rounded, yes_or_no};

@@ -3,10 +3,14 @@
 use anyhow::{Context as _, Result};
 use tapline_wire::{DamageCell, Judgement, Scan, Verdict};
 
+/// A shoulder as the fusion judged it, with the truth about it.
 #[derive(Debug, Clone)]
-pub(crate) struct ShoulderResult {
+pub struct ShoulderResult {
+    /// Serial number of its casing.
     pub tyre: String,
+    /// Side of the casing, 1 or 2.
     pub shoulder: u16,
+    /// Its verdict.
     pub verdict: Verdict,
     /// Damage index of each location; NaN where there is none.
     pub index: Vec<f64>,

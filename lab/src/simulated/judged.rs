@@ -5,11 +5,12 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, Result};
 use tapline_fuse::{Built, FuseConfig, Fusion, KnownShoulder, ReferenceSet, build_reference};
-use tapline_wire::{Discriminator, Discriminators, Plan, Reasons};
+use tapline_wire::{Discriminator, Discriminators, Plan, Reasons, Scan};
 
 use super::scan_taps::{ScanTaps, Times};
 use super::scene::Scene;
 use super::set::Set;
+use crate::evaluation::ShoulderResult;
 
 /// How casings are scanned and judged.
 #[derive(Debug, Clone)]
@@ -27,34 +28,24 @@ pub struct Judging {
 /// A shoulder that was judged.
 #[derive(Debug, Clone)]
 pub struct Judged {
-    /// Serial number of its casing.
-    pub tyre: String,
-    /// Side of the casing, 1 or 2.
-    pub shoulder: u16,
+    /// What the fusion says of it, and the truth.
+    pub result: ShoulderResult,
     /// Time of its casing, s.
     pub scan_s: f64,
     /// Whether a part of it was tapped again.
     pub is_asked: bool,
-    /// Code of its [`Verdict`](tapline_wire::Verdict).
-    pub verdict: u32,
-    /// Reasons for that.
+    /// Reasons for its verdict.
     pub reasons: Reasons,
-    /// Evidence of its strongest arc.
-    pub strongest_arc: f64,
-    /// Damage index of each location; NaN where there is none.
-    pub index: Vec<f64>,
     /// Mean of three neighbours of each discriminator by itself, in the direction of damage; empty if places were tapped
     /// again.
     pub alone: Vec<Vec<f64>>,
-    /// Whether a crack lies at each location.
-    pub is_cracked: Vec<bool>,
 }
 
 impl Judged {
     /// Its locations: its casing, named apart from those of other seeds, the index, and whether there is a crack.
     pub(crate) fn places(&self, seed: u64) -> impl Iterator<Item = (String, f64, bool)> + '_ {
-        let places = self.index.iter().zip(&self.is_cracked);
-        places.map(move |(&index, &is_cracked)| (format!("{seed}-{}", self.tyre), index, is_cracked))
+        let ShoulderResult { tyre, index, is_cracked, .. } = &self.result;
+        index.iter().zip(is_cracked).map(move |(&index, &is_cracked)| (format!("{seed}-{tyre}"), index, is_cracked))
     }
 }
 
@@ -67,10 +58,38 @@ pub fn reference(config: &FuseConfig, set: &Set, casings: usize, taps: &ScanTaps
     let turns = shape.repetitions / if taps.is_confirmed { 2 } else { 1 };
     let full = ScanTaps::full(&shape.offsets_mm, &shape.velocities_m_per_s, turns);
     let (plan, records) = set.part(0..casings, &full, Scene::SoundSmooth)?;
-    let shoulders = (0..plan.scans().len()).map(|scan| KnownShoulder::of(&plan, &records, scan, None));
+    reference_of(config, &plan, &records, 0..plan.scans().len())
+}
+
+/// The reference from `scans` of `plan`, stated to be sound.
+pub(crate) fn reference_of(
+    config: &FuseConfig,
+    plan: &Plan,
+    records: &[Discriminators],
+    scans: impl Iterator<Item = usize>,
+) -> Result<Arc<ReferenceSet>> {
+    let shoulders: Option<Vec<_>> = scans.map(|scan| KnownShoulder::of(plan, records, scan, None)).collect();
     let built = Built { config: config.clone(), ..Built::default() };
-    let shoulders: Option<Vec<_>> = shoulders.collect();
     Ok(Arc::new(build_reference(&built, shoulders.context("a shoulder is not planned")?)?))
+}
+
+/// The fusion after all of `records`, compared with `reference`.
+pub(crate) fn fusion(
+    config: &FuseConfig,
+    plan: &Plan,
+    records: &[Discriminators],
+    reference: Option<&Arc<ReferenceSet>>,
+) -> Result<Fusion> {
+    let mut fusion = Fusion::by(config, plan, reference.cloned())?;
+    records.iter().try_for_each(|record| fusion.push(record))?;
+    (0..plan.scans().len()).try_for_each(|number| fusion.end(number))?;
+    Ok(fusion)
+}
+
+/// Whether each location of `scan` is cracked.
+pub(crate) fn is_cracked(plan: &Plan, scan: &Scan) -> Vec<bool> {
+    let truth = |location| plan.truth().get(&(scan.tyre, scan.shoulder, location)).copied();
+    scan.locations.iter().map(|&(location, _)| truth(location).unwrap_or(false)).collect()
 }
 
 /// The shoulders that count, for some casings of `set` in `scene`.
@@ -82,7 +101,7 @@ pub fn judge(judging: &Judging, set: &Set, casings: Range<usize>, scene: Scene) 
     if judging.taps.is_confirmed {
         (plan, records) = judging.again(set, plan, records)?;
     }
-    let mut fusion = judging.fusion(&plan, &records)?;
+    let mut fusion = fusion(&judging.config, &plan, &records, judging.reference.as_ref())?;
     let both_count = scene.is_sound() && !scene.changes_a_turn();
     let wanted = plan.scans().iter().enumerate().filter(|(_, scan)| both_count || scan.shoulder == 1);
     wanted.map(|(number, _)| judging.judged(&mut fusion, &plan, &records, number)).collect()
@@ -91,7 +110,7 @@ pub fn judge(judging: &Judging, set: &Set, casings: Range<usize>, scene: Scene) 
 impl Judging {
     /// `plan` and `records` of a part of `set`, with what stands out tapped again.
     fn again(&self, set: &Set, plan: Plan, mut records: Vec<Discriminators>) -> Result<(Plan, Vec<Discriminators>)> {
-        let mut fusion = self.fusion(&plan, &records)?;
+        let mut fusion = fusion(&self.config, &plan, &records, self.reference.as_ref())?;
         let mut wanted = Vec::new();
         for casing in (0..plan.scans().len()).step_by(2) {
             wanted.extend(fusion.wanted(casing, usize::MAX)?);
@@ -100,30 +119,16 @@ impl Judging {
         Ok((plan.grown(&wanted)?, records))
     }
 
-    /// The fusion after all of `records`.
-    fn fusion(&self, plan: &Plan, records: &[Discriminators]) -> Result<Fusion> {
-        let mut fusion = Fusion::by(&self.config, plan, self.reference.clone())?;
-        records.iter().try_for_each(|record| fusion.push(record))?;
-        (0..plan.scans().len()).try_for_each(|number| fusion.end(number))?;
-        Ok(fusion)
-    }
-
     fn judged(&self, fusion: &mut Fusion, plan: &Plan, records: &[Discriminators], number: usize) -> Result<Judged> {
         let scan = &plan.scans()[number];
-        let (judgement, cells) = fusion.judge(number)?;
-        let truth = |location| plan.truth().get(&(scan.tyre, scan.shoulder, location)).copied();
+        let judged = fusion.judge(number)?;
         let alone = |which| alone(plan, records, number, which);
         Ok(Judged {
-            tyre: scan.tyre.to_string(),
-            shoulder: scan.shoulder,
+            result: ShoulderResult::new(scan, &judged, is_cracked(plan, scan))?,
             scan_s: self.times.of(plan, scan.tyre),
             is_asked: scan.taps.iter().any(|&row| plan.taps()[row as usize].is_second_reading()),
-            verdict: judgement.verdict,
-            reasons: judgement.reasons,
-            strongest_arc: judgement.strongest_arc,
-            index: cells.iter().map(|cell| cell.damage_index).collect(),
+            reasons: judged.0.reasons,
             alone: if self.taps.is_confirmed { Vec::new() } else { Discriminator::ALL.map(alone).to_vec() },
-            is_cracked: cells.iter().map(|cell| truth(cell.location).unwrap_or(false)).collect(),
         })
     }
 }
@@ -142,10 +147,8 @@ pub(crate) fn alone_of(
     let (plan, records) = set.part(0..set.tyres.len(), taps, scene)?;
     let mut all = Vec::new();
     for (number, scan) in plan.scans().iter().enumerate().filter(|(_, scan)| scan.shoulder == 1) {
-        for ((location, _), score) in scan.locations.iter().zip(alone(&plan, &records, number, which)) {
-            let is_cracked = plan.truth().get(&(scan.tyre, scan.shoulder, *location)).copied().unwrap_or(false);
-            all.push((scan.tyre.to_string(), score, is_cracked));
-        }
+        let places = alone(&plan, &records, number, which).into_iter().zip(is_cracked(&plan, scan));
+        all.extend(places.map(|(score, is_cracked)| (scan.tyre.to_string(), score, is_cracked)));
     }
     Ok(all)
 }

@@ -12,8 +12,9 @@ mod scan_taps;
 mod scene;
 mod set;
 
-pub(crate) use judged::alone_of;
+pub use crate::evaluation::ShoulderResult;
 pub use judged::{Judged, Judging, judge, reference};
+pub(crate) use judged::{alone_of, fusion, is_cracked, reference_of};
 pub use reading::Reading;
 pub(crate) use reading::{Reader, quantised};
 pub use scan_taps::{ScanTaps, Times, Turn};

@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, Result};
 use tapline_acquire::{ScanConfig, TyreConfig};
-use tapline_fuse::{Built, KnownShoulder, ReferenceSet, build_reference};
+use tapline_fuse::{FuseConfig, ReferenceSet};
 use tapline_model::SimulationConfig;
-use tapline_wire::{Discriminators, Plan, PlannedTap, Scan, Truth};
+use tapline_wire::{Discriminators, Plan, PlannedTap, Truth};
 
 use crate::in_memory::scanned;
-use crate::simulated::{Reader, Reading};
+use crate::simulated::{Reader, Reading, reference_of};
 
 /// The velocity of every tap.
 const VELOCITY_M_PER_S: f64 = 1.5;
@@ -81,17 +81,9 @@ impl Dataset {
         self.only(|tap| is_wanted(tap.id.tyre.as_str()))
     }
 
-    /// Whether each location of `scan` is cracked.
-    pub(super) fn is_cracked(&self, scan: &Scan) -> Vec<bool> {
-        let truth = |location| self.plan.truth().get(&(scan.tyre, scan.shoulder, location)).copied();
-        scan.locations.iter().map(|&(location, _)| truth(location).unwrap_or(false)).collect()
-    }
-
     /// The reference from tyres that `is_wanted` selects, stated to be sound.
     pub(super) fn reference(&self, is_wanted: impl Fn(&str) -> bool) -> Result<Arc<ReferenceSet>> {
-        let of = |number| KnownShoulder::of(&self.plan, &self.records, number, None);
         let scans = self.plan.scans().iter().enumerate().filter(|(_, scan)| is_wanted(scan.tyre.as_str()));
-        let shoulders: Option<Vec<KnownShoulder>> = scans.map(|(number, _)| of(number)).collect();
-        Ok(Arc::new(build_reference(&Built::default(), shoulders.context("a shoulder is not planned")?)?))
+        reference_of(&FuseConfig::default(), &self.plan, &self.records, scans.map(|(number, _)| number))
     }
 }

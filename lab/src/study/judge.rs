@@ -8,14 +8,12 @@ use tapline_wire::Discriminator;
 
 use super::dataset::Dataset;
 use crate::evaluation::{Areas, ShoulderResult};
+use crate::simulated::{self, is_cracked};
 
 /// The fusion after all taps of `dataset`, compared with the shoulders of a reference, or each tyre with itself.
 fn fusion(config: &FuseConfig, dataset: &Dataset, by: Option<&Arc<ReferenceSet>>) -> Result<Fusion> {
     let config = FuseConfig { reference: Some(Reference::Own), ..config.clone() };
-    let mut fusion = Fusion::by(&config, &dataset.plan, by.cloned())?;
-    dataset.records.iter().try_for_each(|record| fusion.push(record))?;
-    (0..dataset.plan.scans().len()).try_for_each(|number| fusion.end(number))?;
-    Ok(fusion)
+    simulated::fusion(&config, &dataset.plan, &dataset.records, by)
 }
 
 /// The shoulders of `dataset`, in the order of its plan, compared with those of `by` or each tyre with itself.
@@ -26,7 +24,9 @@ pub(super) fn judge(
 ) -> Result<Vec<ShoulderResult>> {
     let mut fusion = fusion(config, dataset, by)?;
     let scans = dataset.plan.scans().iter().enumerate();
-    scans.map(|(number, scan)| ShoulderResult::new(scan, &fusion.judge(number)?, dataset.is_cracked(scan))).collect()
+    scans
+        .map(|(number, scan)| ShoulderResult::new(scan, &fusion.judge(number)?, is_cracked(&dataset.plan, scan)))
+        .collect()
 }
 
 /// The areas of the score of each discriminator on the shoulders of `dataset`, in place of the index.
@@ -35,7 +35,7 @@ pub(super) fn alone(dataset: &Dataset, by: Option<&Arc<ReferenceSet>>) -> Result
     let mut fusion = fusion(&config, dataset, by)?;
     let mut places = Discriminator::ALL.map(|_| Vec::new());
     for (number, scan) in dataset.plan.scans().iter().enumerate() {
-        let is_cracked = dataset.is_cracked(scan);
+        let is_cracked = is_cracked(&dataset.plan, scan);
         for (which, places) in Discriminator::ALL.into_iter().zip(&mut places) {
             let scores = fusion.alone(number, which)?.into_iter().zip(&is_cracked);
             places.extend(scores.map(|(score, &is_cracked)| (scan.tyre.to_string(), score, is_cracked)));

@@ -168,11 +168,11 @@ fn ring_points(bench: &Bench, rule: Rule, cost: Cost, inspected: &[Inspected]) -
         return Vec::new();
     }
     let largest = |judged: &Judged| {
-        let known = judged.index.iter().copied().filter(|index| !index.is_nan());
+        let known = judged.result.index.iter().copied().filter(|index| !index.is_nan());
         known.max_by(f64::total_cmp).unwrap_or(f64::NAN)
     };
     let rules: [RingRule<'_>; 2] = [
-        ("arc", "strongest arc", &|judged| judged.strongest_arc, 0),
+        ("arc", "strongest arc", &|judged| judged.result.strongest_arc, 0),
         ("three", "largest index of three neighbours", &largest, 1),
     ];
     let point = |(label, words, score, family): RingRule<'_>| {
@@ -180,7 +180,7 @@ fn ring_points(bench: &Bench, rule: Rule, cost: Cost, inspected: &[Inspected]) -
             let of_seed = inspected.iter().filter(move |i| seed.is_none_or(|seed| seed == i.seed));
             Areas::of(of_seed.flat_map(|i| {
                 let of = move |judged: &Judged, is_cracked| {
-                    (format!("{}-{}", i.seed, judged.tyre), score(judged), is_cracked)
+                    (format!("{}-{}", i.seed, judged.result.tyre), score(judged), is_cracked)
                 };
                 i.sound
                     .iter()
@@ -220,7 +220,7 @@ fn failures(size: &Size, seed: u64, groups: &[Group], simulator: Simulator, rule
         let (scene, sound) = group.judged.first().context("a group has a sound scene")?;
         if *scene == Scene::SoundSmooth {
             let judged = judge(&judging, sound, 0..sound.tyres.len(), Scene::Gain08)?;
-            called += judged.iter().filter(|judged| judged.verdict != Verdict::Pass.code()).count();
+            called += judged.iter().filter(|judged| judged.result.verdict != Verdict::Pass).count();
             all += judged.len();
         }
         lost += lost_to_outliers(size, group, rule, &judging)? / groups.len() as f64;

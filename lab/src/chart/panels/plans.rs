@@ -189,7 +189,8 @@ fn judging(size: &Size, group: &Group, plan: &Tried) -> Result<Judging> {
 fn seconds(inspected: &[Inspected]) -> Vec<f64> {
     let of_group = |i: &Inspected| -> Vec<f64> {
         let shoulders = i.sound.iter().chain(&i.cracked);
-        let of_casing: BTreeMap<&str, f64> = shoulders.map(|judged| (judged.tyre.as_str(), judged.scan_s)).collect();
+        let of_casing: BTreeMap<&str, f64> =
+            shoulders.map(|judged| (judged.result.tyre.as_str(), judged.scan_s)).collect();
         of_casing.into_values().collect()
     };
     inspected.iter().flat_map(of_group).collect()
@@ -229,11 +230,11 @@ fn row(simulator: Simulator, plan: &Tried, inspected: &[Inspected]) -> Result<Ve
     for kind in ["faint-smooth", "faint-rough", "strong-smooth", "strong-rough"] {
         let of_kind: Vec<Inspected> = (inspected.iter())
             .map(|i| Inspected {
-                cracked: i.cracked.iter().filter(|j| j.tyre.starts_with(kind)).cloned().collect(),
+                cracked: i.cracked.iter().filter(|j| j.result.tyre.starts_with(kind)).cloned().collect(),
                 ..i.clone()
             })
             .collect();
-        let missed = rate_percent(&of_kind, |i| &i.cracked, |judged| judged.verdict == Verdict::Pass.code());
+        let missed = rate_percent(&of_kind, |i| &i.cracked, |judged| judged.result.verdict == Verdict::Pass);
         row.push(cell(missed.ok().map(|missed| missed.value)));
     }
     row.push(cell(called.value));
