@@ -16,7 +16,7 @@ use rand_distr::{Distribution, StandardNormal, Uniform};
 use serde::{Deserialize, Serialize};
 use tapline_host::progress::{Progress, Unit};
 use tapline_process::{Extractor, ProcessConfig, QualityConfig, Real};
-use tapline_wire::{Channel, Discriminator, Samples, TapHeader};
+use tapline_wire::{Channel, Discriminator, Samples, TapHeader, digest_of_parts};
 
 use page::markdown;
 
@@ -45,14 +45,13 @@ fn plain() -> ProcessConfig {
 }
 
 impl Cell {
-    /// Random numbers of this cell only, so that it can be measured again without the others (FNV-1a of its name); different for
-    /// each seed.
+    /// Random numbers of this cell only, so that it can be measured again without the others; different for each seed.
     fn generator(&self, seed: u64) -> ChaCha8Rng {
-        let name = format!("{self:?}");
-        let mut generator = ChaCha8Rng::seed_from_u64(
-            name.bytes()
-                .fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)),
-        );
+        let Self { table, signal, rate_hz, snr_db, fault } = self;
+        let snr_db = snr_db.map(|db| db.to_string()).unwrap_or_default();
+        let rate_hz = rate_hz.to_string();
+        let parts = [table, signal, &rate_hz, &snr_db, fault].map(String::as_bytes);
+        let mut generator = ChaCha8Rng::seed_from_u64(digest_of_parts(parts));
         generator.set_stream(seed);
         generator
     }

@@ -38,7 +38,7 @@ fn default_estimators_keep_their_limits() {
     const LIMITS: [(&str, &str, Option<u32>, f64, f64); 12] = [
         ("f_max", "parabola", None, 0.05, 0.1),
         ("f_max", "parabola", Some(60), 0.05, 0.2),
-        ("f_max", "parabola", Some(40), 0.7, 1.0),
+        ("f_max", "parabola", Some(40), 0.8, 1.0),
         // Of a skewed pulse, alike at all noises: a fifth to a quarter short.
         ("tau_s", "half_sine", None, 25.0, 0.05),
         ("tau_s", "half_sine", Some(40), 25.0, 1.3),
