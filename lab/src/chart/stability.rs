@@ -4,7 +4,7 @@ use tapline_process::ProcessConfig;
 use tapline_wire::Discriminator;
 
 use super::point::{Failure, exceeds};
-use crate::stability::{COUNT, PRE_TRIGGER, RATE_HZ, Tap, add_hum, add_offset};
+use crate::stability::{Tap, add_hum, add_neighbour, add_offset};
 
 /// The values that a spectrum gives.
 const POWERS: [Discriminator; 3] = [Discriminator::Pr, Discriminator::Pf, Discriminator::Ef];
@@ -39,19 +39,14 @@ pub(crate) fn of_spectrum(config: &ProcessConfig) -> Vec<Failure> {
             changed(&|tap| add_hum(&mut tap.sound_v, 0.01, 50.0, 0.4)),
             0.02,
         ),
-        exceeds("C15: a neighbour's tap after 50 ms, change of a power without a flag", changed(&add_neighbour), 0.01),
+        exceeds(
+            "C15: a neighbour's tap after 50 ms, change of a power without a flag",
+            changed(&|tap| add_neighbour(&mut tap.sound_v, 1.0, 1200.0)),
+            0.01,
+        ),
         exceeds("C21: contact 2 ms after the trigger, change of a power", silent(&Tap::clean(1e-3, 2e-3)), 0.01),
     ];
     cases.into_iter().flatten().collect()
-}
-
-/// Another casing's tap, 50 ms later and as loud, with higher modes.
-fn add_neighbour(tap: &mut Tap) {
-    let first = PRE_TRIGGER + (50e-3 * RATE_HZ) as usize;
-    for k in first..COUNT {
-        let t = (k - first) as f64 / RATE_HZ;
-        tap.sound_v[k] += (-120.0 * t).exp() * (std::f64::consts::TAU * 1200.0 * t).sin();
-    }
 }
 
 #[cfg(test)]

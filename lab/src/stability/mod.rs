@@ -6,7 +6,7 @@ mod curves;
 mod draw;
 mod tap;
 
-pub(crate) use self::tap::{COUNT, PRE_TRIGGER, RATE_HZ, Tap, add_hum, add_offset};
+pub(crate) use self::tap::{Tap, add_hum, add_neighbour, add_offset};
 
 use std::path::Path;
 

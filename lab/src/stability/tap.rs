@@ -92,6 +92,15 @@ pub(crate) fn add_hum(samples: &mut [f64], part: f64, f_hz: f64, phase: f64) {
     }
 }
 
+/// Adds another casing's tap of `amplitude`, 50 ms later, whose mode is at `f_hz`.
+pub(crate) fn add_neighbour(samples: &mut [f64], amplitude: f64, f_hz: f64) {
+    let first = PRE_TRIGGER + (50e-3 * RATE_HZ) as usize;
+    for (k, x) in samples[first..].iter_mut().enumerate() {
+        let t = k as f64 / RATE_HZ;
+        *x += amplitude * (-120.0 * t).exp() * (TAU * f_hz * t).sin();
+    }
+}
+
 /// Adds normal noise whose standard deviation is `part` of the peak.
 pub(crate) fn add_noise(samples: &mut [f64], part: f64, mut normal: impl FnMut() -> f64) {
     let sd = part * peak(samples);

@@ -4,7 +4,7 @@ use tapline_process::{BandEdges, ProcessConfig, QualityConfig, Subtraction};
 use tapline_wire::Discriminator;
 
 use crate::stability::scatter::{Normal, mean};
-use crate::stability::tap::{COUNT, PRE_TRIGGER, RATE_HZ, Tap, add_noise};
+use crate::stability::tap::{RATE_HZ, Tap, add_neighbour, add_noise};
 
 use Discriminator::{A2, FMax, Pr, Tau};
 
@@ -99,12 +99,7 @@ fn c12_a_coupling_that_forgets() {
 #[test]
 fn c15_a_short_record_ends_before_the_neighbour() {
     let mut heard = Tap::sound();
-    let lag = (50e-3 * RATE_HZ) as usize;
-    // Another casing, with higher modes.
-    for k in PRE_TRIGGER + lag..COUNT {
-        let t = (k - PRE_TRIGGER - lag) as f64 / RATE_HZ;
-        heard.sound_v[k] += (-120.0 * t).exp() * (std::f64::consts::TAU * 1200.0 * t).sin();
-    }
+    add_neighbour(&mut heard.sound_v, 1.0, 1200.0);
     let short = ProcessConfig { record_s: 0.05, ..plain() };
     let off = |config: &ProcessConfig| (value(&heard, config, Pr) / value(&Tap::sound(), &plain(), Pr) - 1.0).abs();
     println!("c15: naive {}, held {}", off(&plain()), off(&short));

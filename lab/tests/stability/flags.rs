@@ -8,7 +8,7 @@ use tapline_process::{Policy, ProcessConfig};
 use tapline_wire::{Discriminator, Discriminators, Quality};
 
 use crate::stability::scatter::Normal;
-use crate::stability::tap::{COUNT, RATE_HZ, Tap, add_hum, add_noise, clip, peak};
+use crate::stability::tap::{COUNT, RATE_HZ, Tap, add_hum, add_neighbour, add_noise, clip, peak};
 
 use Discriminator::{A1, A2, Ef, FMax, Pf, Pr, Tau};
 
@@ -220,12 +220,8 @@ fn c15_a_neighbours_tap() {
     dropping.quality.neighbour = Policy::Drop;
     for part in [0.25, 0.5, 1.0] {
         let heard = |tap: &mut Tap| {
-            let from = 512 + (0.05 * RATE_HZ) as usize;
             let amplitude = part * peak(&tap.sound_v);
-            for k in from..COUNT {
-                let t = (k - from) as f64 / RATE_HZ;
-                tap.sound_v[k] += amplitude * (-120.0 * t).exp() * (std::f64::consts::TAU * 1000.0 * t).sin();
-            }
+            add_neighbour(&mut tap.sound_v, amplitude, 1000.0);
         };
         let heard = taps(15, heard, |_| {});
         let mut keeping = ProcessConfig::default();
