@@ -98,6 +98,7 @@ fn fill(reader: &Reader, draft: &Path, codec: Codec, on_part: impl FnMut(f64)) -
     }
     new.flush().context("write", draft)?;
     close_and_seal(new, reader.ledger().taps())?;
+    fs::File::open(draft).and_then(|file| file.sync_all()).context("sync", draft)?;
     Ok(sample_bytes)
 }
 

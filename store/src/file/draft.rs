@@ -24,13 +24,11 @@ pub(crate) fn begin(path: &Path) -> io::Result<TempPath> {
 /// End of a draft's name.
 const SUFFIX: &str = ".new";
 
-/// Syncs `draft`, renames it to `path` and syncs the folder: after a power cut, `path` is absent or complete, and once this returned it
-/// is complete.
+/// Renames `draft` to `path` and syncs the folder, so that a power cut does not undo it.
 ///
 /// # Errors
 /// [`Error::Exists`] if `path` exists, or what the system returns.
 pub(crate) fn publish(draft: TempPath, path: &Path) -> Result<()> {
-    File::open(&draft).and_then(|file| file.sync_all()).context("sync", &draft)?;
     rename_temporary(draft, path)?;
     sync_folder_of(path)
 }

@@ -145,5 +145,5 @@ fn copy_sparse(from: &File, to: &Path) -> io::Result<()> {
         }
         at += count as u64;
     }
-    Ok(())
+    to.sync_all()
 }
