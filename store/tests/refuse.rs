@@ -171,6 +171,20 @@ fn stopped_results_hide_no_others() {
     assert_eq!(newest(), [of_job]);
 }
 
+/// Catches results that a power cut has left without content, and with which their archive cannot be judged again.
+#[test]
+fn results_without_content_are_computed_again() {
+    let (_here, path) = new_path();
+    let (results, given) = (path.with_file_name("results.h5"), plan(SampleFormat::I16));
+    finished(&path, &given, CONFIG);
+    let raw = (path.as_path(), Reader::open(&path).unwrap().raw_digest().unwrap());
+    for content in [Vec::new(), vec![0; 4096]] {
+        fs::write(&results, content).unwrap();
+        Writer::results(&results, raw, &given, CONFIG.into()).unwrap().finish().unwrap();
+        Reader::open(&results).unwrap();
+    }
+}
+
 /// Catches results that are read with other taps than those that they were computed from.
 #[test]
 fn results_of_other_taps_are_refused() {

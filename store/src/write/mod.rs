@@ -109,8 +109,9 @@ impl Writer {
             return create();
         }
         let writer = match Self::resume(path, lineage) {
-            // Results are computed again from their taps, so nothing is lost.
-            Err(error @ Error::Damaged { .. }) => {
+            // Results are computed again from their taps, so nothing is lost. A power cut just after their start may leave a name without
+            // content: to sync each new file would cost a line some 5 ms a casing.
+            Err(error @ (Error::Damaged { .. } | Error::NotHdf5 { .. })) => {
                 tracing::warn!("{error}; these results are computed again");
                 std::fs::remove_file(path).context("remove", path)?;
                 return create();
