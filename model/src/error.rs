@@ -11,9 +11,6 @@ pub enum Error {
     /// The dissertation has no such table of computed contact quantities.
     #[error("there is no table {number}; the tables are 4, 5, 6, 8, 9, 10 and 11")]
     NoTable { number: u8 },
-    /// The dissertation has no such figure of theoretical curves.
-    #[error("there is no figure {number}; the figures are 11-13, 16-20, 22-27, 31, 32 and 36-38")]
-    NoFigure { number: u8 },
     /// The impact is too stiff to integrate in the allowed number of steps.
     #[error("integration of the impact stopped after {steps} steps at {reached_s} s of {wanted_s} s")]
     TooStiff { steps: usize, reached_s: f64, wanted_s: f64 },

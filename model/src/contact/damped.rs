@@ -14,8 +14,6 @@ pub struct DampedContact {
     pub f_max: f64,
     /// Time at which the force is 0 again.
     pub contact_time: f64,
-    /// Time at which the force peaks.
-    pub time_to_peak: f64,
     /// Largest deformation.
     pub alpha_max: f64,
     /// Velocity at the end, reversed.
@@ -27,7 +25,6 @@ impl DampedContact {
     const ELASTIC: Self = Self {
         f_max: 1.143_262_629_818_316,
         contact_time: 3.218_065_459_719_043,
-        time_to_peak: 1.609_032_729_859_521_5,
         alpha_max: 1.093_362_073_943_278_1,
         restitution: 1.0,
     };
@@ -47,7 +44,6 @@ impl DampedContact {
         Ok(Self {
             f_max: between(Self::ELASTIC.f_max, end.f_max),
             contact_time: between(Self::ELASTIC.contact_time, end.contact_time),
-            time_to_peak: between(Self::ELASTIC.time_to_peak, end.time_to_peak),
             alpha_max: between(Self::ELASTIC.alpha_max, end.alpha_max),
             restitution: between(Self::ELASTIC.restitution, end.restitution),
         })
@@ -55,15 +51,15 @@ impl DampedContact {
 
     fn from_table(chi: f64) -> Self {
         let x = 2.0 * (chi / CHI_MIN).ln() / (CHI_MAX / CHI_MIN).ln() - 1.0;
-        let [f_max, contact_time, time_to_peak, alpha_max, restitution] = chebyshev(x);
-        Self { f_max, contact_time, time_to_peak, alpha_max, restitution }
+        let [f_max, contact_time, alpha_max, restitution] = chebyshev(x);
+        Self { f_max, contact_time, alpha_max, restitution }
     }
 }
 
-/// Sums of the five Chebyshev series at `x` (Clenshaw's recurrence), computed side by side: each step of one series depends
+/// Sums of the four Chebyshev series at `x` (Clenshaw's recurrence), computed side by side: each step of one series depends
 /// on the step before it.
-fn chebyshev(x: f64) -> [f64; 5] {
-    let (mut b_1, mut b_2) = ([0.0; 5], [0.0; 5]);
+fn chebyshev(x: f64) -> [f64; 4] {
+    let (mut b_1, mut b_2) = ([0.0; 4], [0.0; 4]);
     for row in SERIES[1..].iter().rev() {
         let next = std::array::from_fn(|i| 2.0 * x * b_1[i] - b_2[i] + row[i]);
         (b_1, b_2) = (next, b_1);

@@ -12,12 +12,10 @@ fn by_integration(chi: f64) -> DampedContact {
     // The derivative of a^1.5 (1 + chi a'), divided by sqrt(a).
     let is_rising = |y: &State<2>| 1.5 * y[1] * (1.0 + chi * y[1]) - chi * y[0] * force(y) > 0.0;
     let stepping = Stepping { tolerance: 1e-14, dt_max: 0.01, dt_first: 1e-6, steps_max: 1_000_000 };
-    let mut found =
-        DampedContact { f_max: 0.0, contact_time: 0.0, time_to_peak: 0.0, alpha_max: 0.0, restitution: 0.0 };
+    let mut found = DampedContact { f_max: 0.0, contact_time: 0.0, alpha_max: 0.0, restitution: 0.0 };
     integrate(rate, [0.0, 1.0], 1e3, &stepping, |step| {
         if step.from[0] > 0.0 && is_rising(&step.from) && !is_rising(&step.to) {
-            let (t, y) = locate(rate, step, is_rising);
-            (found.time_to_peak, found.f_max) = (t, force(&y));
+            found.f_max = force(&locate(rate, step, is_rising).1);
         }
         if step.from[1] > 0.0 && step.to[1] <= 0.0 {
             found.alpha_max = locate(rate, step, |y| y[1] > 0.0).1[0];
@@ -31,8 +29,8 @@ fn by_integration(chi: f64) -> DampedContact {
     found
 }
 
-fn values(c: &DampedContact) -> [f64; 5] {
-    [c.f_max, c.contact_time, c.time_to_peak, c.alpha_max, c.restitution]
+fn values(c: &DampedContact) -> [f64; 4] {
+    [c.f_max, c.contact_time, c.alpha_max, c.restitution]
 }
 
 #[expect(clippy::cast_precision_loss, reason = "a small index")]
@@ -40,10 +38,10 @@ fn node(k: usize) -> f64 {
     (PI * (k as f64 + 0.5) / ORDER as f64).cos()
 }
 
-/// The five series, from the differential equation at the nodes.
+/// The four series, from the differential equation at the nodes.
 #[expect(clippy::cast_precision_loss, reason = "a small index")]
-fn series() -> [[f64; 5]; ORDER] {
-    let at_nodes: Vec<[f64; 5]> = (0..ORDER)
+fn series() -> [[f64; 4]; ORDER] {
+    let at_nodes: Vec<[f64; 4]> = (0..ORDER)
         .map(|k| values(&by_integration(CHI_MIN * (0.5 * (node(k) + 1.0) * (CHI_MAX / CHI_MIN).ln()).exp())))
         .collect();
     std::array::from_fn(|j| {

@@ -3,7 +3,8 @@
 mod plans;
 mod quantity;
 
-use tapline_model::{Error, Rung};
+use anyhow::{Context as _, Result};
+use tapline_model::Rung;
 
 /// One figure of the dissertation's theory.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,10 +70,11 @@ impl Figure {
 /// the factor m_1 they show the effect of the mass alone.
 ///
 /// # Errors
-/// [`Error::NoFigure`] for a number that is not in [`Figure::NUMBERS`]; [`Error::TooStiff`] when an integration does
-/// not end.
-pub(super) fn figure(number: u8) -> Result<Figure, Error> {
-    let plan = plans::plan(number).ok_or(Error::NoFigure { number })?;
+/// A number that is not in [`Figure::NUMBERS`], or an integration that does not end.
+pub(super) fn figure(number: u8) -> Result<Figure> {
+    let plan = plans::plan(number).with_context(|| {
+        format!("there is no figure {number}; the figures are 11-13, 16-20, 22-27, 31, 32 and 36-38")
+    })?;
     let mut curves = Vec::new();
     for family in &plan.families {
         for &rung in family.subject.rungs() {
