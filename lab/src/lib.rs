@@ -24,6 +24,7 @@ pub mod hop;
 mod in_memory;
 pub mod line_cost;
 pub mod pod;
+mod shoulder_result;
 pub mod simulated;
 pub mod stability;
 pub mod statistics;

@@ -8,7 +8,7 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use tapline_draw::canvas::Point;
 
-use super::ShoulderResult;
+use crate::shoulder_result::ShoulderResult;
 
 /// The rate of false alarms at which finds are counted.
 pub(crate) const FALSE_ALARMS: f64 = 0.05;

@@ -2,8 +2,8 @@
 
 use crate::statistics::Gauge;
 
-use super::ShoulderResult;
 use super::table::{Cell, cell};
+use crate::shoulder_result::ShoulderResult;
 
 /// What is read of a scan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -7,7 +7,6 @@ mod detection;
 mod draw;
 mod gauge;
 mod page;
-mod shoulder;
 mod table;
 
 pub(crate) use areas::{Areas, FALSE_ALARMS, FoundAt};
@@ -16,6 +15,4 @@ pub(crate) use detection::{DETECTION_COLUMNS, Detection, Target};
 pub(crate) use draw::{HALF_BOX, Key, Mark, Picture, Plot, axis, keys};
 pub(crate) use gauge::{GAUGE_COLUMNS, Reading, gauge_cells};
 pub(crate) use page::{files_of, page_of, print_tables};
-pub use shoulder::ShoulderResult;
-pub(crate) use shoulder::overlap;
 pub(crate) use table::{Cell, Table, cell, ends, rounded, yes_or_no};

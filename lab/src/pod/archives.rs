@@ -9,7 +9,7 @@ use tapline_store::{Folder, Judged, Reader};
 use tapline_wire::{DamageCell, Geometry, Judgement, Scan};
 
 use super::truth::{Crack, Extent, Inspected, KnownTruth, Shoulder};
-use crate::evaluation::ShoulderResult;
+use crate::shoulder_result::ShoulderResult;
 
 /// One shoulder as it was scanned and judged once.
 #[derive(Debug, Clone)]

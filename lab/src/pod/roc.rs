@@ -2,7 +2,8 @@
 
 use tapline_draw::stats::extent;
 
-use crate::evaluation::{Areas, FALSE_ALARMS, FoundAt, ShoulderResult, Table, cell, ends};
+use crate::evaluation::{Areas, FALSE_ALARMS, FoundAt, Table, cell, ends};
+use crate::shoulder_result::ShoulderResult;
 
 use super::inspected::InspectedShoulder;
 

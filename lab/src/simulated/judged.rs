@@ -10,7 +10,7 @@ use tapline_wire::{Discriminator, Discriminators, Plan, Reasons, Scan};
 use super::scan_taps::{ScanTaps, Times};
 use super::scene::Scene;
 use super::set::Set;
-use crate::evaluation::ShoulderResult;
+use crate::shoulder_result::ShoulderResult;
 
 /// How casings are scanned and judged.
 #[derive(Debug, Clone)]

@@ -12,7 +12,7 @@ mod scan_taps;
 mod scene;
 mod set;
 
-pub use crate::evaluation::ShoulderResult;
+pub use crate::shoulder_result::ShoulderResult;
 pub use judged::{Judged, Judging, judge, reference};
 pub(crate) use judged::{alone_of, fusion, is_cracked, reference_of};
 pub use reading::Reading;

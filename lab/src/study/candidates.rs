@@ -12,7 +12,8 @@ use super::judge::{alone, judge};
 use super::parallel::each;
 use super::sets::{Set, cracked, sound};
 use super::size::Size;
-use crate::evaluation::{Areas, Call, ShoulderResult, Table, cell, ends, overlap};
+use crate::evaluation::{Areas, Call, Table, cell, ends};
+use crate::shoulder_result::{ShoulderResult, overlap};
 use crate::simulated::Reading;
 
 /// One set: sound tyres that are the reference, and others that are judged.

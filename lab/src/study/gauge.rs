@@ -4,7 +4,8 @@
 //! and a repeat is a whole scan with taps of its own. The second rig has its
 //! microphone a tenth farther away, twice the noise in both channels, and a velocity that jitters half as much again.
 
-use crate::evaluation::{GAUGE_COLUMNS, Reading, ShoulderResult, Table, gauge_cells};
+use crate::evaluation::{GAUGE_COLUMNS, Reading, Table, gauge_cells};
+use crate::shoulder_result::ShoulderResult;
 use crate::statistics::{Crossed, Gauge, Refusal, crossed, one_way};
 use anyhow::Result;
 use tapline_fuse::{FuseConfig, IndexKind};

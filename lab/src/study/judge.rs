@@ -7,7 +7,8 @@ use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
 use tapline_wire::Discriminator;
 
 use super::dataset::Dataset;
-use crate::evaluation::{Areas, ShoulderResult};
+use crate::evaluation::Areas;
+use crate::shoulder_result::ShoulderResult;
 use crate::simulated::{self, is_cracked};
 
 /// The fusion after all taps of `dataset`, compared with the shoulders of a reference, or each tyre with itself.
