@@ -6,16 +6,13 @@ use tapline_wire::RecordKind;
 
 use super::open_casing::OpenCasing;
 use super::outcome::RunError;
-use super::{FLUSH_EVERY, FLUSH_TAPS, StageLoop};
+use super::{FLUSH_EVERY, StageLoop};
 use crate::write::Writer;
 
 impl StageLoop<'_> {
-    /// Flushes if another stage waits and no more records have come, after [`FLUSH_TAPS`] taps, and after [`FLUSH_EVERY`].
+    /// Flushes if another stage waits and no more records have come, and after [`FLUSH_EVERY`].
     pub(super) fn flush_if_due(&mut self, is_idle: bool) -> Result<(), RunError> {
-        let is_due = (is_idle && self.is_urgent)
-            || self.unflushed_taps >= FLUSH_TAPS
-            || self.flushed_at.elapsed() >= FLUSH_EVERY;
-        if !is_due {
+        if !(is_idle && self.is_urgent) && self.flushed_at.elapsed() < FLUSH_EVERY {
             return Ok(());
         }
         for index in 0..self.open.len() {
@@ -24,7 +21,6 @@ impl StageLoop<'_> {
                 self.open[index].flushed();
             }
         }
-        self.unflushed_taps = 0;
         self.is_urgent = false;
         self.flushed_at = Instant::now();
         Ok(())

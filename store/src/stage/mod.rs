@@ -39,10 +39,7 @@ use self::open_casing::OpenCasing;
 use crate::error::Result;
 use crate::format::lineage::Lineage;
 
-/// Taps after which the archive is flushed even while more are coming.
-const FLUSH_TAPS: usize = 64;
-
-/// Time after which it is flushed in any case.
+/// Time after which a changed archive is flushed even while more records are coming.
 const FLUSH_EVERY: Duration = Duration::from_millis(50);
 
 /// How often the stage looks for taps, which do not wake it, while a casing is open.
@@ -112,7 +109,6 @@ struct StageLoop<'a> {
     is_held: bool,
     /// When the files were last checked.
     looked_at: Instant,
-    unflushed_taps: usize,
     /// Whether another stage waits for the next flush.
     is_urgent: bool,
     flushed_at: Instant,
@@ -138,7 +134,6 @@ impl<'a> StageLoop<'a> {
             open: Vec::new(),
             is_held: false,
             looked_at: now,
-            unflushed_taps: 0,
             is_urgent: false,
             flushed_at: now,
             fuse_generation: 0,

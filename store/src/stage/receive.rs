@@ -5,8 +5,8 @@ use tapline_wire::{
     decode_taps, split_end_mark,
 };
 
+use super::StageLoop;
 use super::outcome::RunError;
-use super::{FLUSH_TAPS, StageLoop};
 use crate::error::Error;
 use crate::write::Writer;
 use crate::write::put_taps::put_taps_of;
@@ -14,6 +14,9 @@ use crate::write::tap_state::PutOutcome;
 
 /// Taps that are put together, packed by several threads: as many as a subscriber may hold at once.
 const BATCH_TAPS: usize = TapTopic::BORROWED;
+
+/// Batches that are put before the stage looks for other records.
+const BATCHES_MAX: usize = 8;
 
 impl StageLoop<'_> {
     /// Puts the records that have come, at most as many as the buffers hold; returns whether any had.
@@ -23,7 +26,7 @@ impl StageLoop<'_> {
             has_come = true;
             self.take_proposal(&proposal)?;
         }
-        for _ in 0..FLUSH_TAPS / BATCH_TAPS {
+        for _ in 0..BATCHES_MAX {
             let mut batch = Vec::with_capacity(BATCH_TAPS);
             while batch.len() < BATCH_TAPS
                 && let Some(tap) = self.taps.receive()?
@@ -141,7 +144,6 @@ impl StageLoop<'_> {
                 outcome => outcome?,
             };
             self.note(index, outcome, "a tap", header.plan_index);
-            self.unflushed_taps += 1;
         }
         Ok(())
     }
