@@ -7,7 +7,7 @@ use anyhow::Result;
 use serde::{Deserialize, Serialize};
 use tapline_host::colour::Colour;
 use tapline_store::{Judged, Reader, Region, casing_id, regions};
-use tapline_wire::{Calibration, Channel, DamageCell, Judgement, Reasons, Scan, TapState, Verdict, monotonic_ns};
+use tapline_wire::{Calibration, Channel, Judgement, Reasons, Scan, TapState, Verdict, monotonic_ns};
 
 use crate::shown::whole::Whole;
 use tapline_host::stdout::Stdout;
@@ -167,18 +167,22 @@ impl ShoulderVerdict {
     }
 
     pub(crate) fn new(reader: &Reader, scan: &Scan, (judgement, cells): &Judged) -> Result<Self> {
-        // In the strongest arc; of equals the first, as everywhere. What a second reading cleared is in no region.
-        let has_region = cells.iter().any(|cell| cell.region > 0);
-        let counts = |cell: &&DamageCell| !cell.damage_index.is_nan() && (cell.region > 0 || !has_region);
-        let by_strength = |a: &&DamageCell, b: &&DamageCell| {
-            a.region_index.total_cmp(&b.region_index).then(a.damage_index.total_cmp(&b.damage_index))
-        };
-        let peak = cells.iter().filter(counts).rev().max_by(by_strength);
         let is_flagged = judgement.reasons.contains(Reasons::FLAGGED);
         let found = if is_flagged { reader.discriminators()? } else { Vec::new() };
         let qualities = || scan.taps.iter().filter_map(|&row| found[row as usize].map(|found| found.quality));
-        let arcs: Vec<_> = regions(reader.plan().geometry, cells).into_iter().map(DamageArc::from).collect();
+        let regions = regions(reader.plan().geometry, cells);
         let known = |value: f64| Some(value).filter(|value| value.is_finite());
+        // Of the strongest region; without one, of the whole shoulder. What a second reading cleared is in no region.
+        let strength = |region: &&Region| region.region_index.unwrap_or(f64::NEG_INFINITY);
+        let peak = match regions.iter().rev().max_by(|a, b| strength(a).total_cmp(&strength(b))) {
+            Some(region) => region.peak_damage_index.map(|index| (region.peak_location, index)),
+            None => {
+                let numbers = cells.iter().filter(|cell| !cell.damage_index.is_nan());
+                let greatest = numbers.rev().max_by(|a, b| a.damage_index.total_cmp(&b.damage_index));
+                greatest.map(|cell| (cell.location, cell.damage_index))
+            }
+        };
+        let arcs: Vec<_> = regions.into_iter().map(DamageArc::from).collect();
         Ok(Self {
             tyre: scan.tyre.to_string(),
             shoulder: scan.shoulder,
@@ -188,8 +192,8 @@ impl ShoulderVerdict {
             whole: Whole::new(judgement, qualities),
             regions: arcs.len(),
             arcs,
-            peak_damage_index: peak.map(|cell| cell.damage_index),
-            peak_location: peak.map(|cell| cell.location),
+            peak_damage_index: peak.map(|(_, index)| index),
+            peak_location: peak.map(|(location, _)| location),
             strongest_arc: known(judgement.strongest_arc),
             limit_re_inspect: known(judgement.limit_re_inspect),
             limit_reject: known(judgement.limit_reject),

@@ -15,7 +15,7 @@ pub struct Region {
     pub start_deg: Option<f64>,
     /// Angle of the last location in degrees.
     pub end_deg: Option<f64>,
-    /// Location of its greatest damage index; the first if there are several.
+    /// Location of its greatest damage index, the middle one if several have it: scores are bounded, so a strong crack has many.
     pub peak_location: u32,
     /// Angle of that location in degrees.
     pub peak_angle_deg: Option<f64>,
@@ -79,16 +79,13 @@ fn part_deg(geometry: Geometry, cells: &[DamageCell]) -> Option<f64> {
 
 fn region_of(part_deg: Option<f64>, run: &[&DamageCell]) -> Region {
     let (first, last) = (run[0], run[run.len() - 1]);
-    let mut peak = first;
-    for &cell in run {
-        // Comparisons with NaN are false, so a number must replace an absent index explicitly.
-        if cell.damage_index > peak.damage_index || (peak.damage_index.is_nan() && !cell.damage_index.is_nan()) {
-            peak = cell;
-        }
-    }
+    let indices = || run.iter().map(|cell| cell.damage_index).filter(|index| !index.is_nan());
+    let greatest = indices().max_by(f64::total_cmp);
+    let has_greatest = |cell: &&&DamageCell| greatest.is_none_or(|index| cell.damage_index.total_cmp(&index).is_eq());
+    let equals: Vec<&DamageCell> = run.iter().filter(has_greatest).copied().collect();
+    let peak = equals[(equals.len() - 1) / 2];
     let known = |value: f64| Some(value).filter(|v| v.is_finite());
-    let indices = run.iter().map(|cell| cell.damage_index).filter(|index| !index.is_nan());
-    let (sum, count) = indices.fold((0.0, 0_u32), |(sum, count), index| (sum + index, count + 1));
+    let (sum, count) = indices().fold((0.0, 0_u32), |(sum, count), index| (sum + index, count + 1));
     let extent_locations = u32::try_from(run.len()).unwrap_or(u32::MAX);
     Region {
         region: first.region,
@@ -98,7 +95,7 @@ fn region_of(part_deg: Option<f64>, run: &[&DamageCell]) -> Region {
         end_deg: known(last.angle_deg),
         peak_location: peak.location,
         peak_angle_deg: known(peak.angle_deg),
-        peak_damage_index: known(peak.damage_index),
+        peak_damage_index: greatest.and_then(known),
         mean_damage_index: known(sum / f64::from(count)),
         region_index: known(first.region_index),
         p_value: known(first.region_p_value),
@@ -155,6 +152,16 @@ mod tests {
         assert_eq!((found.peak_location, found.peak_damage_index), (1, Some(11.0)));
         map[1].damage_index = f64::NAN;
         assert_eq!(regions(Geometry::Ring, &map)[0].peak_damage_index, None);
+    }
+
+    /// Catches a strong crack that is worst at its end: the scores of all its locations are at their bound.
+    #[test]
+    fn of_equal_locations_the_middle_one_is_the_peak() {
+        let mut map = cells(&[1, 1, 0, 0, 0, 0, 0, 1, 1, 1]);
+        for location in [0, 1, 8, 9] {
+            map[location].damage_index = 20.0;
+        }
+        assert_eq!(regions(Geometry::Ring, &map)[0].peak_location, 9, "of 8, 9, 0 and 1");
     }
 
     /// Catches a whole ring counted twice or as no region.
