@@ -81,8 +81,8 @@ struct OpenCasing {
     has_asked: bool,
     /// `None` where it cannot be judged.
     fusion: Option<Fusion>,
-    /// For a casing that cannot be judged: the rows that have come, and whether they were refused.
-    seen: BTreeMap<u32, bool>,
+    /// For a casing that cannot be judged: the rows that have come, and their flags.
+    seen: BTreeMap<u32, Quality>,
     states: Vec<ScanState>,
     /// For each scan, whether its verdict was sent to the present `store`.
     is_judged: Vec<bool>,
@@ -195,7 +195,7 @@ impl StageLoop<'_> {
         for record in records {
             match &mut casing.fusion {
                 Some(fusion) => fusion.push(record)?,
-                None => drop(casing.seen.insert(record.plan_index, record.quality.contains(Quality::REFUSED))),
+                None => drop(casing.seen.insert(record.plan_index, record.quality)),
             }
             self.outcome.record_count += 1;
         }
@@ -244,15 +244,21 @@ impl StageLoop<'_> {
 }
 
 /// The verdict on a scan that cannot be judged, for example because the reference has nothing in common with it.
-fn unjudged(plan: &Plan, seen: &BTreeMap<u32, bool>, scan: usize) -> (Judgement, Vec<DamageCell>) {
+fn unjudged(plan: &Plan, seen: &BTreeMap<u32, Quality>, scan: usize) -> (Judgement, Vec<DamageCell>) {
     let planned = &plan.scans()[scan];
+    let qualities = || planned.taps.iter().filter_map(|row| seen.get(row).copied());
     let count = |is_refused: bool| {
-        let rows = planned.taps.iter().filter(|row| seen.get(row) == Some(&is_refused));
-        u32::try_from(rows.count()).unwrap_or(u32::MAX)
+        let taps = qualities().filter(|quality| quality.contains(Quality::REFUSED) == is_refused);
+        u32::try_from(taps.count()).unwrap_or(u32::MAX)
     };
+    let mut reasons = Reasons::NOT_COMPARABLE;
+    // What may explain it, for example channels that are swapped.
+    if !Quality::on_most(qualities()).is_empty() {
+        reasons.insert(Reasons::FLAGGED);
+    }
     let judgement = Judgement {
         verdict: Verdict::ReInspect.code(),
-        reasons: Reasons::NOT_COMPARABLE,
+        reasons,
         planned_count: u32::try_from(planned.taps.len()).unwrap_or(u32::MAX),
         received_count: count(false),
         refused_count: count(true),
@@ -264,4 +270,23 @@ fn unjudged(plan: &Plan, seen: &BTreeMap<u32, bool>, scan: usize) -> (Judgement,
         ..DamageCell::default()
     };
     (judgement, planned.locations.iter().map(cell).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Casing;
+
+    /// Catches a verdict that does not say what most taps of a shoulder have, which may be why it cannot be compared.
+    #[test]
+    fn flags_on_most_taps_are_a_reason_too() {
+        let plan = Casing::default().plan();
+        let reasons_of = |flagged: u32| {
+            let quality = |row| if row < flagged { Quality::SWAPPED } else { Quality::default() };
+            let seen = (0..10).map(|row| (row, quality(row))).collect();
+            unjudged(&plan, &seen, 0).0.reasons
+        };
+        assert_eq!(reasons_of(6), Reasons::NOT_COMPARABLE | Reasons::FLAGGED);
+        assert_eq!(reasons_of(5), Reasons::NOT_COMPARABLE);
+    }
 }
