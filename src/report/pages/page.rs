@@ -107,7 +107,7 @@ pub(crate) fn notices(evidence: &Evidence, shoulders: &[(String, &Shoulder)], re
     let shown = &open[..open.len().min(8)];
     html! {
         div class="notice" role="note" {
-            p { strong { "Incomplete." } " What follows is based on what is there." }
+            @if missing + refused > 0 { p { strong { "Incomplete." } " What follows is based on what is there." } }
             @if missing > 0 { p { (missing) " of " (counted(planned, "planned tap is", "planned taps are")) " missing." } }
             @if refused > 0 {
                 p {

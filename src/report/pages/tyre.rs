@@ -130,6 +130,9 @@ fn discriminators(evidence: &Evidence, tyre: &Tyre) -> Result<Markup> {
         }
         pictures.extend(drawn);
     }
+    if shown.is_empty() {
+        return Ok(html! {});
+    }
     let falls = |which: &Discriminator| evidence.config.fuse.directions.of(*which) == Direction::Falls;
     let falling: Vec<&str> =
         Discriminator::ALL.iter().filter(|which| falls(which)).map(|&which| which.printed()).collect();
