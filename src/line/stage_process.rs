@@ -135,7 +135,7 @@ impl StageProcess {
             (Some(_), _) => self.restart("was asked to end by another process"),
             (None, Some(signal)) if may_restart => self.restart(&format!("was killed by signal {signal}")),
             (None, Some(signal)) => {
-                tracing::warn!(stage = self.name, signal, "was killed");
+                tracing::warn!(stage = self.name, "a stage was killed by signal {signal}");
                 Ok(())
             }
             (None, None) if status.code() == Some(DISK_FAILED.into()) => {
@@ -150,7 +150,7 @@ impl StageProcess {
         if self.fruitless_restarts >= RESTARTS_MAX {
             bail!("{} {why}, {RESTARTS_MAX} times without a tap being archived in between", self.name);
         }
-        tracing::error!(stage = self.name, "{why}; it is started again");
+        tracing::error!(stage = self.name, "a stage {why}; it is started again");
         self.fruitless_restarts += 1;
         self.restart_count += 1;
         self.restarted_at.truncate(UNSTEADY.0 - 1);

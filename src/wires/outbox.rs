@@ -293,8 +293,8 @@ impl Outbox {
         self.state().wakes.push(wake);
     }
 
-    /// Sets or clears a trouble of `receiver`; a new one is also an alarm. `kind` distinguishes its troubles from each
-    /// other.
+    /// Sets or clears a trouble of `receiver`. An alarm says when one begins and when it is over. `kind` distinguishes its troubles from
+    /// each other.
     pub(crate) fn set_trouble(&self, receiver: Receiver, kind: &'static str, trouble: Option<String>) {
         let mut state = self.state();
         match trouble {
@@ -307,6 +307,7 @@ impl Outbox {
             None => {
                 if let Some(text) = state.troubles.remove(&(receiver, kind)) {
                     tracing::warn!("over: {text}");
+                    state.alarm(format!("over: {text}"));
                 }
             }
         }
