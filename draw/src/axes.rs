@@ -5,7 +5,7 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
-use crate::canvas::{Area, GRID, INK, PALE_INK, Point, at, font, line, number, units};
+use crate::canvas::{Area, GRID, INK, PALE_INK, Point, at, font, line, units};
 
 /// A chart with linear coordinates in both directions.
 pub type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
@@ -36,6 +36,8 @@ pub struct Axis {
     pub range: Point,
     /// About how many numbers label it.
     pub label_count: usize,
+    /// The text of such a number.
+    pub text: fn(f64) -> String,
 }
 
 /// Draws the axes `x` and `y` around `frame`, and returns their coordinates.
@@ -56,8 +58,8 @@ pub fn axes<'b>(area: &Area<'b>, frame: &Frame, x: &Axis, y: &Axis) -> Result<Ch
         .y_desc(y.label.as_str())
         .x_labels(x.label_count)
         .y_labels(y.label_count)
-        .x_label_formatter(&|x| number(*x))
-        .y_label_formatter(&|y| number(*y))
+        .x_label_formatter(&|place| (x.text)(*place))
+        .y_label_formatter(&|place| (y.text)(*place))
         .light_line_style(TRANSPARENT)
         .bold_line_style(line(GRID, 1.0))
         .axis_style(line(PALE_INK, 1.0))

@@ -6,20 +6,20 @@ use plotters::style::text_anchor::HPos;
 
 use tapline_draw::axes::{Axis, Chart, Frame, axes};
 use tapline_draw::boxplot::BoxStats;
-use tapline_draw::canvas::{self, Area, INK, PALE_INK, Point, at, line, units, write};
+use tapline_draw::canvas::{self, Area, INK, PALE_INK, Point, at, line, number, units, write};
 use tapline_draw::palette::COLORS;
 
 const WIDTH: f64 = 900.0;
 const EDGE: f64 = 14.0;
-/// Where the first plot begins.
-const HEAD: f64 = 96.0;
+/// From the last row of keys to the first plot.
+const KEY_ROOM: f64 = 24.0;
 const LEFT_ROOM: f64 = 58.0;
 const BOTTOM_ROOM: f64 = 46.0;
 const RIGHT_ROOM: f64 = 20.0;
 /// Space above a plot, for its name.
 const NAME_ROOM: f64 = 26.0;
-/// Height of the keys.
-const KEYS: f64 = 72.0;
+/// Height of the first row of keys, and from one row to the next.
+const KEYS: (f64, f64) = (72.0, 20.0);
 /// Half the width of a box, where columns are 1 apart.
 pub(crate) const HALF_BOX: f64 = 0.28;
 
@@ -45,6 +45,8 @@ pub(crate) enum Mark {
 pub(crate) enum Key {
     /// That of a line.
     Line(String, RGBColor),
+    /// That of a line with rings.
+    Rings(String, RGBColor),
     /// Those of patches side by side, with words before and after.
     Patches(String, Vec<RGBAColor>, String),
 }
@@ -78,7 +80,7 @@ pub(crate) struct Picture {
 }
 
 pub(crate) fn axis(label: &str, range: Point, label_count: usize) -> Axis {
-    Axis { label: label.to_owned(), range, label_count }
+    Axis { label: label.to_owned(), range, label_count, text: number }
 }
 
 /// Keys of lines in the palette's colours.
@@ -89,13 +91,31 @@ pub(crate) fn keys(names: &[&str]) -> Vec<Key> {
 impl Picture {
     pub(crate) fn svg(&self) -> Result<String> {
         let rows = self.plots.len().div_ceil(self.columns);
-        let height = HEAD + rows as f64 * self.row_height() + EDGE;
+        let height = self.head() + rows as f64 * self.row_height() + EDGE;
         let svg = canvas::svg((WIDTH as u32, height.ceil() as u32), |area| self.draw(area))?;
         // Otherwise lines of half-covered pixels would separate the cells.
         let has_cells = self.plots.iter().flat_map(|plot| &plot.marks).any(|mark| matches!(mark, Mark::Cells(_)));
         let svg = if has_cells { svg.replacen("<svg ", "<svg shape-rendering=\"crispEdges\" ", 1) } else { svg };
         // The library writes out these default values.
         Ok(svg.replace(" opacity=\"1\"", "").replace(" stroke=\"none\"", ""))
+    }
+
+    /// Where each key is: one that finds no room in its row begins another.
+    fn key_places(&self) -> Vec<Point> {
+        let (mut x, mut y) = (EDGE, KEYS.0);
+        let place = |key: &Key| {
+            if x + key.width() > WIDTH {
+                (x, y) = (EDGE, y + KEYS.1);
+            }
+            x += key.width();
+            (x - key.width(), y)
+        };
+        self.keys.iter().map(place).collect()
+    }
+
+    /// Where the first plot begins.
+    fn head(&self) -> f64 {
+        self.key_places().last().map_or(KEYS.0, |place| place.1) + KEY_ROOM
     }
 
     /// Space above a plot, less if none has a name.
@@ -110,16 +130,15 @@ impl Picture {
     fn draw(&self, area: &Area<'_>) -> Result<()> {
         write(area, self.title, (EDGE, 22.0), 17.0, INK, HPos::Left, true)?;
         write(area, &self.note, (EDGE, 46.0), 12.0, PALE_INK, HPos::Left, false)?;
-        let mut x = EDGE;
-        for key in &self.keys {
-            x = key.draw(area, x)?;
+        for (key, place) in self.keys.iter().zip(self.key_places()) {
+            key.draw(area, place)?;
         }
         let width = (WIDTH - 2.0 * EDGE) / self.columns as f64;
         for (number, plot) in self.plots.iter().enumerate() {
             let (row, column) = (number / self.columns, number % self.columns);
             let left_room = LEFT_ROOM + if plot.rows.is_empty() { 0.0 } else { 40.0 };
             let left = EDGE + column as f64 * width;
-            let top = HEAD + row as f64 * self.row_height() + self.name_room();
+            let top = self.head() + row as f64 * self.row_height() + self.name_room();
             let frame = Frame {
                 left: left + left_room,
                 right: left + width - RIGHT_ROOM,
@@ -136,29 +155,43 @@ impl Picture {
 }
 
 impl Key {
-    /// Draws the key at `x`; returns where the next one is.
-    fn draw(&self, area: &Area<'_>, mut x: f64) -> Result<f64> {
-        let words = |text: &str, x: f64| write(area, text, (x, KEYS), 12.0, INK, HPos::Left, false);
-        let width_of = |text: &str| 6.6 * text.chars().count() as f64;
+    /// From its left end to the next key.
+    fn width(&self) -> f64 {
         match self {
-            Self::Line(name, color) => {
-                area.draw(&PathElement::new([(x, KEYS), (x + 22.0, KEYS)].map(at).to_vec(), line(*color, 3.0)))?;
-                words(name, x + 28.0)?;
-                Ok(x + 48.0 + width_of(name))
+            Self::Line(name, _) | Self::Rings(name, _) => 48.0 + width_of(name),
+            Self::Patches(before, colors, after) => {
+                30.0 + 22.0 * colors.len() as f64 + width_of(before) + width_of(after)
+            }
+        }
+    }
+
+    fn draw(&self, area: &Area<'_>, (mut x, y): Point) -> Result<()> {
+        let words = |text: &str, x: f64| write(area, text, (x, y), 12.0, INK, HPos::Left, false);
+        match self {
+            Self::Line(name, color) | Self::Rings(name, color) => {
+                area.draw(&PathElement::new([(x, y), (x + 22.0, y)].map(at).to_vec(), line(*color, 3.0)))?;
+                if matches!(self, Self::Rings(..)) {
+                    area.draw(&Circle::new(at((x + 11.0, y)), units(5.0), line(*color, 2.0)))?;
+                }
+                words(name, x + 28.0)
             }
             Self::Patches(before, colors, after) => {
                 words(before, x)?;
                 x += width_of(before) + 6.0;
                 for color in colors {
-                    let corners = [(x, KEYS - 6.0), (x + 22.0, KEYS + 6.0)].map(at);
+                    let corners = [(x, y - 6.0), (x + 22.0, y + 6.0)].map(at);
                     area.draw(&Rectangle::new(corners, color.filled()))?;
                     x += 22.0;
                 }
-                words(after, x + 6.0)?;
-                Ok(x + 24.0 + width_of(after))
+                words(after, x + 6.0)
             }
         }
     }
+}
+
+/// About how wide the words of a key are.
+fn width_of(text: &str) -> f64 {
+    6.6 * text.chars().count() as f64
 }
 
 impl Plot {

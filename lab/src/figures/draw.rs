@@ -9,8 +9,10 @@ use super::curves::{Axis, Curve, Figure};
 
 use super::labels::{printed, spread};
 use tapline_draw::axes::{self, Chart, Frame, axes};
-use tapline_draw::canvas::{self, Area, BLUE, INK, ORANGE, PALE_INK, Point, VERMILLION, at, line, units, write};
-use tapline_draw::palette::GREEN;
+use tapline_draw::canvas::{
+    self, Area, BLUE, INK, ORANGE, PALE_INK, Point, VERMILLION, at, line, number, units, write,
+};
+use tapline_draw::palette::{GREEN, PURPLE};
 use tapline_draw::stats::extent;
 
 const SIZE: (u32, u32) = (760, 440);
@@ -23,9 +25,6 @@ const BOTTOM: f64 = 390.0;
 const EDGE: f64 = 14.0;
 /// Height of a name beside its curve.
 const NAME: f64 = 15.0;
-
-// Two more of Okabe and Ito's colours.
-const PURPLE: RGBColor = RGBColor(204, 121, 167);
 
 /// The colour of the curves called `name`, which come as number `place` in their figure: a factor has its own.
 fn color(name: &str, place: usize) -> RGBColor {
@@ -123,7 +122,8 @@ impl<'a> Picture<'a> {
     fn axes<'b>(&self, area: &Area<'b>) -> Result<Chart<'b, 'b>> {
         let frame =
             Frame { left: LEFT, right: RIGHT, top: TOP, bottom: BOTTOM, left_room: LEFT - EDGE, bottom_room: 46.0 };
-        let axis = |axis: &Axis, range, label_count| axes::Axis { label: described(axis), range, label_count };
+        let axis =
+            |axis: &Axis, range, label_count| axes::Axis { label: described(axis), range, label_count, text: number };
         axes(area, &frame, &axis(&self.figure.x, self.x, 10), &axis(&self.figure.y, self.y, 8))
     }
 

@@ -26,7 +26,7 @@ pub fn write(out: &Path, written: WrittenArgs) -> Result<()> {
     );
     for curve in curves::curves() {
         files.push((out.join(format!("{}.csv", curve.name)), curve.csv()));
-        files.push((out.join(format!("{}.svg", curve.name)), draw::svg(&curve)?));
+        files.push((out.join(format!("{}.svg", curve.name)), draw::picture(&curve)?.svg()?));
         let (title, name, sentence) = (curve.title, curve.name, curve.sentence);
         index.push_str(&format!(
             "\n## {title}\n\n{sentence} Table: [{name}.csv]({name}.csv)\n\n![{title}]({name}.svg)\n"
