@@ -70,7 +70,7 @@ pub(crate) struct Picture {
     pub name: &'static str,
     /// Name of the table it belongs to.
     pub beside: &'static str,
-    pub title: &'static str,
+    pub title: String,
     pub note: String,
     pub keys: Vec<Key>,
     pub columns: usize,
@@ -128,7 +128,7 @@ impl Picture {
     }
 
     fn draw(&self, area: &Area<'_>) -> Result<()> {
-        write(area, self.title, (EDGE, 22.0), 17.0, INK, HPos::Left, true)?;
+        write(area, &self.title, (EDGE, 22.0), 17.0, INK, HPos::Left, true)?;
         write(area, &self.note, (EDGE, 46.0), 12.0, PALE_INK, HPos::Left, false)?;
         for (key, place) in self.keys.iter().zip(self.key_places()) {
             key.draw(area, place)?;

@@ -38,7 +38,8 @@ pub fn experiment(out: &Path, seed: u64, written: WrittenArgs) -> Result<()> {
         files.push((out.join(format!("{}.csv", figure.table.name)), figure.table.csv()?));
     }
     files.push((out.join("claims.csv"), claims::csv(&claims)?));
-    let titles: Vec<(&str, &str)> = figures.iter().map(|figure| (figure.table.name, figure.picture.title)).collect();
+    let titles: Vec<(&str, &str)> =
+        figures.iter().map(|figure| (figure.table.name, figure.picture.title.as_str())).collect();
     files.push((out.with_added_extension("md"), claims::page(&claims, &titles, folder)));
     written.write(&files)
 }

@@ -2,7 +2,6 @@
 
 mod curves;
 mod draw;
-mod labels;
 #[cfg(test)]
 mod slips;
 

@@ -34,7 +34,7 @@ fn pod(detections: &[Detection]) -> Picture {
     Picture {
         name: "pod",
         beside: "detection",
-        title: "Probability of detection against the size of the crack",
+        title: "Probability of detection against the size of the crack".to_owned(),
         note: "Each crack of casings that were scanned and inspected. Thin: lower 95 % bound. Grey: 90 %.".to_owned(),
         keys: keys(&["by hit and miss", "by response", "found", "missed"]),
         columns: 2,
@@ -74,7 +74,7 @@ fn responses(detections: &[Detection]) -> Picture {
     Picture {
         name: "a_hat",
         beside: "detection",
-        title: "Response against the size of the crack",
+        title: "Response against the size of the crack".to_owned(),
         note: "Greatest damage index along each crack over the limit of its shoulder. Grey: the limit.".to_owned(),
         keys,
         columns: 2,
@@ -95,7 +95,7 @@ fn roc(rocs: &[Roc]) -> Picture {
     Picture {
         name: "roc",
         beside: "roc",
-        title: "Cracked against sound ones that are called",
+        title: "Cracked against sound ones that are called".to_owned(),
         note: "Each point is a limit. Grey: 5 % false alarms.".to_owned(),
         keys: Vec::new(),
         columns: 2,

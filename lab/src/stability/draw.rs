@@ -64,7 +64,7 @@ pub(crate) fn picture(curve: &Curve) -> Result<Picture> {
         keys.push(Key::Patches(String::new(), vec![GREY], format!("a flag is raised: {words}")));
     }
     Ok(Picture {
-        title: curve.title,
+        title: curve.title.to_owned(),
         note: "An error too small for its axis is drawn on the lowest line; a line ends where the value is absent."
             .to_owned(),
         keys,

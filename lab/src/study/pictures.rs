@@ -40,7 +40,7 @@ fn roc(candidates: &[Candidate], sets: &[&'static str]) -> Picture {
     Picture {
         name: "roc",
         beside: "default",
-        title: "Cracked against sound locations, set by set",
+        title: "Cracked against sound locations, set by set".to_owned(),
         note: "Each point is a limit on the index; tyres that took no part in the reference. The upper left quarter is shown.".to_owned(),
         keys: keys(&shown.map(|(_, _, name)| name)),
         columns: 3,
@@ -107,7 +107,7 @@ fn indices(candidates: &[Candidate], alone: &[SingleDiscriminator], sets: &[&'st
     Picture {
         name: "indices",
         beside: "default",
-        title: "Indices, and discriminators alone, on every set",
+        title: "Indices, and discriminators alone, on every set".to_owned(),
         note: "AUC of tyres that took no part in the reference, with 95 % intervals by whole tyres.".to_owned(),
         keys: keys(&["healthy reference", "self", "a discriminator alone, healthy reference"]),
         columns: 3,
@@ -120,7 +120,7 @@ fn pod(detection: &[Detection]) -> Picture {
     Picture {
         name: "pod",
         beside: "detection",
-        title: "Probability of detection against the length of the crack",
+        title: "Probability of detection against the length of the crack".to_owned(),
         note: "Default index, healthy reference. Thin: lower 95 % bound. Grey: 90 %.".to_owned(),
         keys: keys(&["by hit and miss", "by response", "found", "missed"]),
         columns: 2,

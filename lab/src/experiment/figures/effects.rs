@@ -23,7 +23,7 @@ pub(super) fn of_offset(experiment: &Experiment) -> Figure {
     let lines = turns.iter().zip(COLORS).map(|((x_mm, _), color)| (format!("x = {} mm", number(*x_mm)), color));
     let under = turns.first().map_or_else(Vec::new, |(_, turn)| shades(turn));
     let picture = Picture {
-        title: "Fig. 60: peak of the sound, by location of impact",
+        title: "Fig. 60: peak of the sound, by location of impact".to_owned(),
         note: format!("Representative tyre, shoulder 1, {} m/s; shades: severity at x = 0", number(VELOCITY_M_PER_S)),
         keys: keys(lines),
         columns: 1,
@@ -58,7 +58,7 @@ pub(super) fn of_velocity_at_one_place(experiment: &Experiment) -> Figure {
     let y = ordinate("Contact time in ms", &curves);
     let plot = Plot::new(String::new(), axis("Impact velocity in m/s", (0.95, 2.75), 14), y, curves);
     let picture = Picture {
-        title: "Fig. 61: contact time against velocity at one place",
+        title: "Fig. 61: contact time against velocity at one place".to_owned(),
         note: format!("Lowest velocity V₀ = {} m/s; ten taps at each; crack 6 mm deep", number(SLOWEST_M_PER_S)),
         keys,
         columns: 1,
@@ -91,7 +91,7 @@ pub(super) fn of_velocity(experiment: &Experiment) -> Figure {
         ring_plot(name.to_owned(), ordinate(label, &curves), curves, &under)
     };
     let picture = Picture {
-        title: "Fig. 62: contact time and peak of the sound, by velocity of impact",
+        title: "Fig. 62: contact time and peak of the sound, by velocity of impact".to_owned(),
         note: "Representative tyre, shoulder 1, x = 0".to_owned(),
         keys: keys(turns.iter().zip(COLORS).map(|((v, _), color)| (format!("{} m/s", number(*v)), color))),
         columns: 1,

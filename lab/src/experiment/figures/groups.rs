@@ -80,7 +80,7 @@ pub(super) fn by_severity(experiment: &Experiment) -> Figure {
     let plots = which.map(|which| boxes(which, &groups, ("Severity", true), &mut table));
     let [two, three] = SEVERE_FROM_M_PER_N.map(|compliance| number(compliance * 1e6));
     let picture = Picture {
-        title: "Figs. 66 and 67: discriminators by severity of the planted crack",
+        title: "Figs. 66 and 67: discriminators by severity of the planted crack".to_owned(),
         note: format!(
             "Representative tyre, shoulder 1, 101 taps. Severity by the compliance of the layer under the tap: 2 from {two}, \
              3 from {three} µm/N; line: means"
@@ -106,7 +106,7 @@ pub(super) fn repeatability(experiment: &Experiment) -> Figure {
         by_sd.extend(both.1.map(|value| (shown(which).0, value)));
     }
     let picture = Picture {
-        title: "Fig. 68: difference of two repetitions",
+        title: "Fig. 68: difference of two repetitions".to_owned(),
         note: "Representative tyre, shoulder 1. Left: 101 pairs. Right: locations without a crack; at 1 they differ by no more than a tap scatters".to_owned(),
         columns: 2,
         height: 230.0,
@@ -137,7 +137,7 @@ pub(super) fn cracked_and_sound(experiment: &Experiment) -> Figure {
     let mut table = table("fig69", "place");
     let plots = SEVEN.map(|which| boxes(which, &groups, ("", false), &mut table));
     let picture = Picture {
-        title: "Fig. 69: discriminators over cracks and beside them",
+        title: "Fig. 69: discriminators over cracks and beside them".to_owned(),
         note: "Representative tyre, shoulder 1, 101 taps; cracked: severity 1 and above".to_owned(),
         keys: keys(&["sound", "cracked"]),
         columns: 4,

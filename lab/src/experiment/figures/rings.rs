@@ -71,7 +71,7 @@ pub(super) fn repetitions(experiment: &Experiment) -> Figure {
         ring_plot(title_of(which), ordinate("", &curves), curves, &shades(&turns[0]))
     };
     let picture = Picture {
-        title: "Figs. 63 and 64: the discriminators, twice around",
+        title: "Figs. 63 and 64: the discriminators, twice around".to_owned(),
         note: format!("Representative tyre, shoulder 1, 101 taps each, x = 0, {} m/s", number(VELOCITY_M_PER_S)),
         keys: keys(["first time around", "second"].map(str::to_owned).into_iter().zip(COLORS)),
         columns: 2,
@@ -105,7 +105,7 @@ pub(super) fn shoulders(experiment: &Experiment) -> Figure {
         ring_plot(title_of(which), ordinate("", &curves), curves, &shades(&both[0][0]))
     };
     let picture = Picture {
-        title: "Figs. 70 and 71: both shoulders of the representative tyre",
+        title: "Figs. 70 and 71: both shoulders of the representative tyre".to_owned(),
         note: "Means of two turns; shades: severity of the cracks in shoulder 1, shoulder 2 has none".to_owned(),
         keys: shoulder_keys(),
         columns: 2,
@@ -149,7 +149,7 @@ pub(super) fn damage(experiment: &Experiment, indices: &Indices) -> Figure {
         plots.push(ring_plot(title.to_owned(), axis("Damage index", (0.0, 1.0), 6), curves, &under));
     }
     let picture = Picture {
-        title: "Figs. 73 to 75: damage index by Eqs. 55 and 56",
+        title: "Figs. 73 to 75: damage index by Eqs. 55 and 56".to_owned(),
         note: "All six shoulders by the extremes of the representative tyre's shoulder 1; A₂ left out, PR rises"
             .to_owned(),
         keys: shoulder_keys(),
@@ -190,7 +190,7 @@ pub(super) fn b_scan(experiment: &Experiment) -> Figure {
     let colors = (0..LEVELS).map(|level| level_color(level).to_rgba()).collect();
     let [least, most] = [LEVELS_DB.0, LEVELS_DB.1].map(number);
     let picture = Picture {
-        title: "Fig. 76: power spectra of the sound around the representative tyre",
+        title: "Fig. 76: power spectra of the sound around the representative tyre".to_owned(),
         note: format!("Power density in steps of {} Hz, first time around", number(STEP_HZ)),
         keys: vec![Key::Patches(format!("{least} dB"), colors, format!("{most} dB re 1 V²/Hz"))],
         columns: 1,
