@@ -57,8 +57,6 @@ pub(crate) fn named(casings: usize) -> String {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Asked {
     pub policy: Policy,
-    pub re_inspect_rate: Option<f64>,
-    pub confirm_rate: Option<f64>,
     pub times: Times,
 }
 
@@ -91,12 +89,7 @@ pub(crate) fn judge_cell(
         let set = sets.judged(scene, casings, seed)?;
         let known = (by > 0).then(|| sets.reference(scene, seed)).transpose()?;
         let begun = Instant::now();
-        let mut config = FuseConfig::by(Reference::Own);
-        config.re_inspect_rate = asked.re_inspect_rate.unwrap_or(config.re_inspect_rate);
-        config.confirm_rate = asked.confirm_rate.unwrap_or(config.confirm_rate);
-        if config.reject_rate > config.re_inspect_rate {
-            config.reject_rate = config.re_inspect_rate;
-        }
+        let config = FuseConfig::by(Reference::Own);
         let taps = asked.policy.taps(&set.shape, repetitions);
         let reference = known.map(|known| reference(&config, &known, by, &taps)).transpose()?;
         standing_out += reference.as_ref().map_or(0, |set| set.summary.standing_out.len());

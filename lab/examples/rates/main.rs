@@ -58,27 +58,12 @@ struct Args {
     /// Time from tap to tap, s.
     #[arg(long, default_value_t = 0.4)]
     tap_s: f64,
-    /// Additional time to another offset, s.
-    #[arg(long, default_value_t = 3.0)]
-    offset_s: f64,
-    /// Stated rate of sound shoulders of which a part is tapped again; the default configuration's when left out.
-    #[arg(long)]
-    confirm_rate: Option<f64>,
-    /// Length of a record, s.
-    #[arg(long, default_value_t = 0.05)]
-    record_s: f64,
     /// How tau is found, as `[process] tau` says.
     #[arg(long, value_parser = duration, default_value = "half_sine")]
     tau: DurationEstimator,
     /// Seed of the first group.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Stated rate of sound shoulders that are not passed; the default configuration's when left out.
-    #[arg(long)]
-    re_inspect_rate: Option<f64>,
-    /// One group of 12 sound and 8 cracked casings, one turn, a reference of 8, whatever else is asked: under a minute.
-    #[arg(long)]
-    quick: bool,
 }
 
 fn duration(name: &str) -> Result<DurationEstimator, String> {
@@ -87,11 +72,6 @@ fn duration(name: &str) -> Result<DurationEstimator, String> {
 
 fn main() -> Result<()> {
     let mut args = Args::parse();
-    if args.quick {
-        (args.groups, args.sound, args.cracked) = (1, 12, 8);
-        args.reference = vec![8];
-        args.repetitions = vec![1];
-    }
     ensure!(args.groups > 0 && args.sound > 0 && args.cracked > 0, "there must be a casing in each group");
     if args.scene.is_empty() {
         args.scene = Scene::value_variants().to_vec();
@@ -99,18 +79,12 @@ fn main() -> Result<()> {
     let turns = args.repetitions.iter().copied().max().context("--repetitions is empty")?;
     // Second readings are simulated with the first ones.
     let turns = if args.policy == Policy::Fixed { turns } else { 2 * turns };
-    let asked = Asked {
-        policy: args.policy,
-        re_inspect_rate: args.re_inspect_rate,
-        confirm_rate: args.confirm_rate,
-        times: Times { tap_s: args.tap_s, offset_s: args.offset_s },
-    };
+    let asked = Asked { policy: args.policy, times: Times { tap_s: args.tap_s, ..Times::default() } };
     let shape = ScanShape {
         offsets_mm: args.offsets.clone(),
         velocities_m_per_s: args.velocities.clone(),
         repetitions: turns,
         location_count: args.locations,
-        record_s: args.record_s,
         ..ScanShape::default()
     };
     let process = ProcessConfig { tau: args.tau, ..ProcessConfig::default() };
