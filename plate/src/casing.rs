@@ -4,7 +4,6 @@ use tapline_wire::Serial;
 
 use crate::contact::Layer;
 use crate::crack::Crack;
-use crate::error::Error;
 use crate::modes::{CASING, LAYER_RATIOS, MODES, Mode};
 use crate::population::Population;
 use crate::random::Key;
@@ -30,7 +29,6 @@ const KNOTS: i64 = 100;
 /// A casing of a population.
 #[derive(Debug, Clone)]
 pub struct Casing {
-    serial: Serial,
     population: Population,
     key: Key,
     shoulders: [Shoulder; 2],
@@ -57,12 +55,7 @@ pub(crate) struct Place {
 
 impl Casing {
     /// The casing of `population` that `seed` and `serial` determine, with `cracks`.
-    ///
-    /// # Errors
-    /// [`Error::OutOfRange`] for a setting of the population or a crack.
-    pub fn new(population: &Population, seed: u64, serial: Serial, cracks: Vec<Crack>) -> Result<Self, Error> {
-        population.validate()?;
-        cracks.iter().try_for_each(Crack::validate)?;
+    pub fn new(population: &Population, seed: u64, serial: Serial, cracks: Vec<Crack>) -> Self {
         let key = Key::new(seed, "casing").bytes(serial.as_str().as_bytes());
         let p = population;
         let mut dice = key.generator();
@@ -86,17 +79,7 @@ impl Casing {
                 }),
             }
         };
-        Ok(Self { serial, population: *population, key, shoulders: [shoulder(1), shoulder(2)], gain, cracks })
-    }
-
-    /// Its serial number.
-    pub fn serial(&self) -> Serial {
-        self.serial
-    }
-
-    /// Whether the place at `angle_deg` of `shoulder` is cracked.
-    pub fn is_cracked(&self, shoulder: u16, angle_deg: f64) -> bool {
-        self.cracks.iter().any(|crack| crack.covers(shoulder, angle_deg))
+        Self { population: *population, key, shoulders: [shoulder(1), shoulder(2)], gain, cracks }
     }
 
     /// Gain of the microphone for this casing.
@@ -187,7 +170,7 @@ mod tests {
     use super::*;
 
     fn casing(population: &Population, serial: &str, cracks: Vec<Crack>) -> Casing {
-        Casing::new(population, 7, Serial::new(serial).unwrap(), cracks).unwrap()
+        Casing::new(population, 7, Serial::new(serial).unwrap(), cracks)
     }
 
     /// Correlation of two lists of mean 0.

@@ -2,10 +2,7 @@
 
 use std::f64::consts::PI;
 
-use serde::{Deserialize, Serialize};
-
 use crate::contact::Layer;
-use crate::error::{Error, within};
 
 /// Young's modulus, Poisson's ratio and density of the layer, rubber with cords in it (assumed).
 const LAYER_PA: f64 = 60e6;
@@ -29,8 +26,7 @@ const RIM_MM: f64 = 4.0;
 const FELT_LEAST: f64 = 2e-3;
 
 /// A separation at the belt's edge.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Crack {
     /// Side of the casing, 1 or 2.
     pub shoulder: u16,
@@ -67,17 +63,6 @@ impl Crack {
     pub fn over(self, first: u32, count: u32, location_count: u32) -> Self {
         let step_deg = 360.0 / f64::from(location_count.max(1));
         Self { angle_deg: (f64::from(first) - 0.5) * step_deg, arc_deg: f64::from(count) * step_deg, ..self }
-    }
-
-    /// Checks every quantity against its bounds.
-    pub(crate) fn validate(&self) -> Result<(), Error> {
-        within("crack.shoulder", self.shoulder.into(), 1.0, 2.0)?;
-        within("crack.angle_deg", self.angle_deg, -3600.0, 3600.0)?;
-        within("crack.arc_deg", self.arc_deg, 0.0, 360.0)?;
-        within("crack.depth_mm", self.depth_mm, 0.5, 100.0)?;
-        within("crack.length_mm", self.length_mm, 1.0, 200.0)?;
-        within("crack.reach_mm", self.reach_mm, 0.0, 200.0)?;
-        within("crack.severity", self.severity, 0.0, 1.0)
     }
 
     /// Whether its arc covers the place at `angle_deg` of `shoulder`; such a place is labelled cracked.

@@ -1,4 +1,4 @@
-//! What can be wrong with a population, a crack or a plan.
+//! What can be wrong with a rig or a plan.
 
 /// Why a casing cannot be simulated.
 #[derive(Debug, thiserror::Error)]

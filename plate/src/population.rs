@@ -1,15 +1,10 @@
 //! How imperfect casings, places, turns and taps are.
 
-use serde::{Deserialize, Serialize};
-
-use crate::error::{Error, within};
-
 /// Scatter of a population of casings and of the rig that taps them. Values without a unit are relative standard
 /// deviations.
 ///
 /// Every value is an assumption: nobody has published one for tyres.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Population {
     /// Contact stiffness from casing to casing.
     pub casing_stiffness: f64,
@@ -100,38 +95,6 @@ impl Population {
     /// The same population with `times` the noise of force and sound.
     pub fn with_noise(self, times: f64) -> Self {
         Self { force_noise_n: times * self.force_noise_n, sound_noise_v: times * self.sound_noise_v, ..self }
-    }
-
-    /// Checks every quantity against its bounds.
-    ///
-    /// # Errors
-    /// [`Error::OutOfRange`] names the first quantity that is out of bounds.
-    pub fn validate(&self) -> Result<(), Error> {
-        for (name, value) in [
-            ("casing_stiffness", self.casing_stiffness),
-            ("casing_mass", self.casing_mass),
-            ("casing_mode_frequency", self.casing_mode_frequency),
-            ("casing_mode_level", self.casing_mode_level),
-            ("casing_gain", self.casing_gain),
-            ("shoulder", self.shoulder),
-            ("place_stiffness", self.place_stiffness),
-            ("place_modes", self.place_modes),
-            ("turn_gain", self.turn_gain),
-            ("turn_drift", self.turn_drift),
-            ("turn_sensor", self.turn_sensor),
-            ("turn_sensor_drift", self.turn_sensor_drift),
-            ("tap_stiffness", self.tap_stiffness),
-            ("tap_velocity", self.tap_velocity),
-            ("tap_modes", self.tap_modes),
-            ("velocity_error", self.velocity_error),
-        ] {
-            within(name, value, 0.0, 0.3)?;
-        }
-        within("place_correlation_deg", self.place_correlation_deg, 0.1, 90.0)?;
-        within("place_shared", self.place_shared, 0.0, 1.0)?;
-        within("rogue", self.rogue, 0.0, 1.0)?;
-        within("force_noise_n", self.force_noise_n, 0.0, 10.0)?;
-        within("sound_noise_v", self.sound_noise_v, 0.0, 1.0)
     }
 }
 

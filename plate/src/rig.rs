@@ -80,9 +80,8 @@ impl Rig {
     /// A rig that records at `sample_rate_hz`, with `pre_trigger_samples` before the trigger.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for the population, the rate or the samples.
+    /// [`Error::OutOfRange`] for the rate or the samples.
     pub fn new(population: &Population, sample_rate_hz: f64, pre_trigger_samples: u32) -> Result<Self, Error> {
-        population.validate()?;
         within("sample_rate_hz", sample_rate_hz, 1e4, 1e6)?;
         within("pre_trigger_samples", pre_trigger_samples.into(), 8.0, 1e6)?;
         Ok(Self {

@@ -140,7 +140,7 @@ pub fn discriminators(
 ///
 /// # Errors
 /// [`Error`] if the plan has other records than force and sound as 32-bit numbers, a tyre that is not among `tyres`, or a tap of
-/// which `read` makes nothing; also the errors of [`Casing::new`], [`Rig::new`] and `reader`.
+/// which `read` makes nothing; also the errors of [`Rig::new`] and `reader`.
 pub fn taps<R, T: Send>(
     population: &Population,
     seed: u64,
@@ -157,7 +157,7 @@ pub fn taps<R, T: Send>(
         .map(|scan| {
             let tyre = tyres.iter().find(|tyre| tyre.serial == scan.tyre);
             let tyre = tyre.ok_or_else(|| Error::Recording { what: format!("tyre {}", scan.tyre) })?;
-            let casing = Casing::new(population, seed, scan.tyre, tyre.cracks.clone())?;
+            let casing = Casing::new(population, seed, scan.tyre, tyre.cracks.clone());
             let mut station = Station::new(population, plan)?;
             let mut reader = reader()?;
             let take = |&row: &u32| {

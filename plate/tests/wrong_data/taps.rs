@@ -55,7 +55,7 @@ fn of_plate(rate_hz: f64) -> Vec<Tap> {
         let crack =
             Crack { depth_mm: 4.0 + 2.0 * size, length_mm: 14.0 + 4.0 * size, arc_deg: 360.0, ..Crack::default() };
         let cracks = if number.is_multiple_of(2) { vec![crack] } else { vec![] };
-        let casing = Casing::new(&population, 4, Serial::new(&format!("P-{number}")).unwrap(), cracks).unwrap();
+        let casing = Casing::new(&population, 4, Serial::new(&format!("P-{number}")).unwrap(), cracks);
         let velocity_m_per_s = VELOCITIES[k as usize % 3];
         let tap = PlateTap {
             shoulder: 1,
