@@ -29,9 +29,9 @@ fn color(name: &str, place: usize) -> RGBColor {
 const fn stroke(rung: Rung) -> (f64, &'static str, &'static str) {
     match rung {
         Rung::Closed => (2.25, "", "solid: closed form"),
-        Rung::Integral => (1.75, "28 14", "dashed: integral (damped contact)"),
+        Rung::Integral => (1.75, "28 14", "dashed: integral, without a crack"),
         Rung::Plate => (1.5, "7 10", "dotted: plate (in time)"),
-        Rung::Full => (1.75, "28 14", "dashed: full (shear, membrane)"),
+        Rung::Full => (1.75, "28 14", "dashed: full, over a crack"),
     }
 }
 
