@@ -266,7 +266,7 @@ fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
         writeln!(out, "Several casings show signs that the rig has changed: {ASKS} (docs/rig.md):")?;
         summary.rig.iter().try_for_each(|sign| writeln!(out, "  {sign}"))?;
     }
-    if let Some(auc) = &summary.auc {
+    if let Some(auc) = summary.auc.as_ref().filter(|auc| auc.cracked > 0 && auc.sound > 0) {
         let text = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.4}"));
         let casings = match summary.casings {
             all if auc.casings < all => format!("{} of {all} casings", auc.casings),

@@ -135,7 +135,8 @@ impl CasingVerdict {
     }
 
     fn line(&self, shoulder: &ShoulderVerdict) -> String {
-        let reasons = shoulder.why("|", &[]);
+        // That the rates are extrapolated holds for every verdict of the line, which says it at its start.
+        let reasons = shoulder.why("|", &["extrapolated"]);
         let mut line = shoulder.short();
         if let (Some(arc), Some(re_inspect), Some(reject)) =
             (shoulder.strongest_arc, shoulder.limit_re_inspect, shoulder.limit_reject)
