@@ -34,14 +34,13 @@
 //! ```
 //!
 //! [`Rung`] is a ladder of four models: closed form, integral table, plate and full, each with the [`Flags`] of
-//! its domain. [`choose`] picks the cheapest rung that is known to be accurate enough, and [`choose_by_trial`] the
-//! cheapest one that turns out to be so.
+//! its domain. [`choose_by_trial`] picks the cheapest rung that is accurate enough.
 
 mod contact;
 mod error;
 mod tyre;
 
-pub use contact::choice::{Choice, ErrorBounds, choose, choose_by_trial};
+pub use contact::choice::{Choice, ErrorBounds, choose_by_trial};
 pub use contact::damped::DampedContact;
 pub use contact::damping::{DampingLaw, chi_for_restitution};
 pub use contact::defect::{DefectContact, defect_contact};

@@ -4,7 +4,7 @@
 //! loss tangent: its stiffness kappa = K T^2/m_1 and the square of its frequency, rho = kappa m_1/m_p. A stiff layer
 //! changes each quantity of the contact in proportion to 1/kappa; the largest of the four relative changes, times
 //! kappa, is the [map](crate::contact::compliance_map) A(e, rho). The bounds were checked against the differential equation
-//! all over the map (`choice_tests`); outside the map there is none.
+//! all over the map (`compliance_tests`); outside the map there is none.
 
 use crate::contact::compliance_map::{EFFECT, RESTITUTIONS, RHO_MAX, RHO_MIN, RHOS};
 use crate::{DampedContact, DomainCheck, Impact};
@@ -52,46 +52,12 @@ impl Compliance {
     pub(crate) fn is_rigid(impact: &Impact, rigid: &DampedContact, loss_tangent: f64, tolerance: f64) -> bool {
         Self::new(impact, rigid, loss_tangent).is_ok_and(|compliance| compliance.bound() <= tolerance)
     }
-
-    /// Upper bound of the relative difference between this layer and one without membrane that is `stiffening` times as stiff.
-    pub(crate) fn bound_when_stiffened(&self, stiffening: f64) -> f64 {
-        STIFFENING * self.epsilon * (stiffening.ln() + self.membrane)
-    }
-}
-
-/// Upper bound of the relative difference of any quantity between the layer under `impact` and one without membrane that is
-/// `stiffening` times as stiff; infinite where no bound is known.
-///
-/// Stiffness enters the four quantities with an exponent below 0.68 (8000 random layers) as long as the layer is not
-/// so slow, or the rebound so weak, that a small change can cause or prevent a second contact. The deflection, and with
-/// it the membrane's part of the force, is bounded by the impact's energy.
-pub(crate) fn bound_of_stiffening(impact: &Impact, rebound: f64, loss_tangent: f64, stiffening: f64) -> f64 {
-    const EXPONENT: f64 = 0.9;
-    let Some(plate) = impact.plate else { return f64::INFINITY };
-    let (_, time_s) = impact.units();
-    let kappa = plate.stiffness_n_per_m * time_s * time_s / impact.mass_kg;
-    let rho = plate.stiffness_n_per_m * time_s * time_s / plate.mass_kg;
-    let m_v_2 = impact.mass_kg * impact.velocity_m_per_s * impact.velocity_m_per_s;
-    let membrane = plate.membrane_n_per_m3 * m_v_2 / (plate.stiffness_n_per_m * plate.stiffness_n_per_m);
-    let change = stiffening.ln() + membrane;
-    let is_known = (0.499..=1.0 + 1e-6).contains(&rebound)
-        && is_lossy_as_mapped(loss_tangent)
-        && (1.0..=RHO_MAX).contains(&rho)
-        && kappa >= 0.02
-        && change <= 0.4;
-    if is_known { EXPONENT * change } else { f64::INFINITY }
-}
-
-fn is_lossy_as_mapped(loss_tangent: f64) -> bool {
-    (0.99 * LOSS_TANGENT..=1.01 * LOSS_TANGENT).contains(&loss_tangent)
 }
 
 /// Safety factor for the linear interpolation between the nodes of the map.
 const FIRST_ORDER: f64 = 1.15;
 /// Second-order coefficient; larger than any found for 40 000 random layers.
 const SECOND_ORDER: f64 = 1.0;
-/// Second derivative in ln K; larger than any found for 150 000 random layers (3.0).
-const STIFFENING: f64 = 4.0;
 
 fn check(name: &'static str, value: f64, low: f64, high: f64) -> Result<f64, DomainCheck> {
     let check = DomainCheck { name, value, low, high };

@@ -78,9 +78,9 @@ fn the_map_holds_between_its_nodes() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
-    /// Catches a bound that the layer, or a stiffer one, exceeds anywhere within the map.
+    /// Catches a bound that the layer exceeds anywhere within the map.
     #[test]
-    fn bounds_hold(e in 0.3..1.0_f64, column in 1e-9..22.999_f64, decades in 0.0..2.0_f64, ln_s in 0.0..1.4_f64) {
+    fn bounds_hold(e in 0.3..1.0_f64, column in 1e-9..22.999_f64, decades in 0.0..2.0_f64) {
         let rho = rho_at(column);
         let epsilon = epsilon_max(e) * 0.1_f64.powf(decades);
         let kappa = effect(e, rho) / epsilon;
@@ -89,30 +89,6 @@ proptest! {
         prop_assert!((found.epsilon / epsilon - 1.0).abs() < 1e-5, "{found:?} for {epsilon}");
         let seen = change(&rigid, &soft);
         prop_assert!(seen < found.bound(), "{found:?} changes it by {seen}");
-        let stiff = impact(e, Some((kappa * ln_s.exp(), rho * ln_s.exp())));
-        let seen = change(&stiff, &soft);
-        prop_assert!(seen < found.bound_when_stiffened(ln_s.exp()) + 1e-8, "{found:?}, {ln_s}: changes it by {seen}");
-    }
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1000))]
-
-    /// Catches a layer that shear and membrane change by more than stated, however far it bends.
-    #[test]
-    fn stiffening_is_bounded(
-        e in 0.5..1.0_f64, decades in 0.0..2.0_f64, kappa in -1.69..1.0_f64, log in -2.0..-0.4_f64, share in 0.0..1.0_f64,
-    ) {
-        let (rho, kappa, asked) = (10_f64.powf(decades), 10_f64.powf(kappa), 10_f64.powf(log));
-        let stiffening = (asked * share).exp();
-        let thin = impact(e, Some((kappa * stiffening, rho * stiffening)));
-        let mut full = impact(e, Some((kappa, rho)));
-        let plate = full.plate.as_mut().unwrap();
-        plate.membrane_n_per_m3 = asked * (1.0 - share) * plate.stiffness_n_per_m.powi(2);
-        let bound = bound_of_stiffening(&full, e, LOSS_TANGENT, stiffening);
-        prop_assert!((bound / asked - 0.9).abs() < 1e-6, "{bound} for {asked}");
-        let seen = change(&thin, &full);
-        prop_assert!(seen < bound, "e = {e}, rho = {rho}, kappa = {kappa}: {seen} over {bound}");
     }
 }
 

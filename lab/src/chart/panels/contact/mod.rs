@@ -6,7 +6,7 @@ use anyhow::{Context as _, Result};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use tapline_draw::stats::quantile;
-use tapline_model::{DampedContact, DampingLaw, Impact, Rung, Scene, choose};
+use tapline_model::{DampedContact, DampingLaw, Impact, Rung, Scene};
 
 use self::small_steps::Solved;
 use super::Entry;
@@ -54,49 +54,17 @@ impl Places {
     }
 }
 
-/// A way to compute a contact.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Way {
-    On(Rung),
-    Chosen(f64),
+fn label(rung: Rung) -> String {
+    match rung {
+        Rung::Closed => "closed form".to_owned(),
+        rung => rung.name().to_owned(),
+    }
 }
 
-const WAYS: [Way; 8] = [
-    Way::On(Rung::Closed),
-    Way::On(Rung::Integral),
-    Way::On(Rung::Plate),
-    Way::On(Rung::Full),
-    Way::Chosen(0.2),
-    Way::Chosen(0.05),
-    Way::Chosen(0.01),
-    Way::Chosen(0.001),
-];
-
-impl Way {
-    fn label(self) -> String {
-        match self {
-            Self::On(Rung::Closed) => "closed form".to_owned(),
-            Self::On(Rung::Integral) => "integral".to_owned(),
-            Self::On(rung) => rung.name().to_owned(),
-            Self::Chosen(tolerance) => format!("chosen, {tolerance}"),
-        }
-    }
-
-    fn name(self) -> String {
-        match self {
-            Self::On(rung) => format!("the {} rung, always", rung.name()),
-            Self::Chosen(tolerance) => format!("the cheapest rung known to be within {tolerance} of the full one"),
-        }
-    }
-
-    /// Peak force, contact time, deepest position and restitution; NaN where the model has none.
-    fn contact(self, scene: &Scene) -> [f64; 4] {
-        let contact = match self {
-            Self::On(rung) => rung.contact(scene, DampingLaw::Exact),
-            Self::Chosen(tolerance) => choose(scene, DampingLaw::Exact, tolerance).map(|choice| choice.contact),
-        };
-        contact.map_or([f64::NAN; 4], |c| [c.f_max_n, c.contact_time_s, c.d_max_m, c.restitution])
-    }
+/// Peak force, contact time, deepest position and restitution; NaN where the model has none.
+fn quantities(rung: Rung, scene: &Scene) -> [f64; 4] {
+    let contact = rung.contact(scene, DampingLaw::Exact);
+    contact.map_or([f64::NAN; 4], |c| [c.f_max_n, c.contact_time_s, c.d_max_m, c.restitution])
 }
 
 /// The largest relative error of `found`; infinite where a number is missing.
@@ -119,8 +87,6 @@ fn measure(bench: &Bench) -> Result<Panel> {
             "The error is the largest relative difference in peak force, contact time, deepest position and restitution; nine \
              in ten contacts have less. The closed form has no damping, so that its restitution is 1 where 0.5 is meant: that \
              is most of its error.",
-            "\u{201c}chosen, 0.05\u{201d} is `choose` of the crate `model`: the cheapest rung that is known beforehand to be \
-             within 0.05 of the full one. It has no default; whoever calls it names the accuracy.",
             "The simulated rig needs the whole course of the force. It leaves out a layer that is known to change nothing by \
              more than 0.001, which is its default.",
         ],
@@ -130,14 +96,14 @@ fn measure(bench: &Bench) -> Result<Panel> {
 
 fn ladder(bench: &Bench, places: Places, name: &str, title: &str) -> Result<Facet> {
     let size = &bench.size;
-    let mut by_seed = vec![Vec::new(); WAYS.len()];
+    let mut by_seed = vec![Vec::new(); Rung::ALL.len()];
     for (number, seed) in bench.seeds().enumerate() {
         let scenes = places.scenes(seed, size.contacts);
         let truths: Vec<[f64; 4]> =
             scenes.iter().map(|scene| Ok(Solved::new(&Impact::full(scene)?).quantities())).collect::<Result<_>>()?;
-        for (way, by_seed) in WAYS.into_iter().zip(&mut by_seed) {
+        for (rung, by_seed) in Rung::ALL.into_iter().zip(&mut by_seed) {
             let errors: Vec<f64> =
-                scenes.iter().zip(&truths).map(|(scene, truth)| error(way.contact(scene), *truth)).collect();
+                scenes.iter().zip(&truths).map(|(scene, truth)| error(quantities(rung, scene), *truth)).collect();
             by_seed.push(quantile(&errors, SHARE).context("there are contacts")?);
         }
         let half = if places == Places::Shallow { 0.0 } else { 0.5 };
@@ -145,13 +111,13 @@ fn ladder(bench: &Bench, places: Places, name: &str, title: &str) -> Result<Face
     }
     let scenes = places.scenes(bench.seed, size.taps);
     let mut workloads: Vec<Workload<'_>> =
-        WAYS.map(|way| Workload::each(&scenes, move |scene| way.contact(scene)[0])).into();
+        Rung::ALL.map(|rung| Workload::each(&scenes, move |scene| quantities(rung, scene)[0])).into();
     let costs = by_turns(&mut workloads, size.rounds);
     drop(workloads);
-    let points = WAYS.into_iter().zip(costs).zip(by_seed).map(|((way, cost), by_seed)| {
+    let points = Rung::ALL.into_iter().zip(costs).zip(by_seed).map(|((rung, cost), by_seed)| {
         let n = size.contacts * size.seed_count as usize;
-        let family = usize::from(matches!(way, Way::Chosen(_)));
-        Ok(Point::new(way.name(), way.label(), cost, Error::mean_of(by_seed), n).family(family).failing(failures(way)?))
+        let name = format!("the {} rung", rung.name());
+        Ok(Point::new(name, label(rung), cost, Error::mean_of(by_seed), n).failing(failures(rung)?))
     });
     Ok(Facet {
         cost: Quantity::log("Processor time of a contact", "\u{b5}s"),
@@ -159,20 +125,20 @@ fn ladder(bench: &Bench, places: Places, name: &str, title: &str) -> Result<Face
         tolerance: Tolerance { cost: 0.15, error: 1e-3 },
         truth: "the equations of the full rung, solved in small steps of equal length by another program text"
             .to_owned(),
-        families: vec!["one rung, always", "the cheapest that is known to be enough"],
+        families: vec!["rungs"],
         points: points.collect::<Result<_>>()?,
         ..bench.facet(name, title)
     })
 }
 
-/// What `way` fails where models end.
-fn failures(way: Way) -> Result<Vec<Failure>> {
+/// What `rung` fails where models end.
+fn failures(rung: Rung) -> Result<Vec<Failure>> {
     let film = Scene { h_m: 1e-3, ..Scene::default() };
     let truth = Solved::new(&Impact::full(&film)?).quantities()[0];
-    let thin = (way.contact(&film)[0] / truth - 1.0).abs();
+    let thin = (quantities(rung, &film)[0] / truth - 1.0).abs();
     let damped = Scene { h_m: 80e-3, l_m: 20e-3, restitution: 0.3, ..Scene::default() };
     let truth = Solved::new(&Impact::full(&damped)?).quantities()[3];
-    let returned = (way.contact(&damped)[3] / truth - 1.0).abs();
+    let returned = (quantities(rung, &damped)[3] / truth - 1.0).abs();
     Ok([
         exceeds("C29: peak force over a crack 1 mm deep, relative error", thin, 0.25),
         exceeds("C33: restitution where 0.3 is asked for, relative error", returned, 0.25),
