@@ -1,11 +1,13 @@
 //! `tapline-lab headroom`: how many stations this host supports, and what limits them.
 //!
-//! The built program runs two lines of simulated stations at the pace of real ones for a short time: one station, and many. What
-//! the second used more of processors, memory, `/dev/shm` and disk, divided by its additional stations, is what one takes;
-//! the rest is what any line takes. Both are compared with what the host has.
+//! The built program runs two lines of simulated stations at the pace of real ones for a short time: with few stations, and with
+//! many. What the second used more of processors, memory, `/dev/shm` and disk, divided by its additional stations, is what one
+//! takes; the rest is what any line takes. Both are compared with what the host has. The stations of a line share a process for
+//! each core, so the first line has a station for each core: every process counts for the line, none for a station.
 
 use std::fs::{self, File};
 use std::io::Write as _;
+use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 use std::process::Child;
 use std::thread::sleep;
@@ -15,17 +17,19 @@ use anyhow::{Context as _, Result, ensure};
 use clap::Args;
 use serde_json::{Value, json};
 use tapline_host::memory;
+use tapline_host::messages::say;
 use tapline_host::progress::{Progress, Unit};
 use tapline_host::stdout::Stdout;
 use tapline_host::table::table;
+use tapline_wire::LineAddress;
 
 use crate::line_cost::{LineCost, Pace, run_command};
 
 /// Fraction of the processors that stations may use: the rest is for other work of the host.
 const USABLE: f64 = 0.8;
 
-/// Longest run of the line with one station.
-const ONE_S_MAX: f64 = 60.0;
+/// Longest run of the line with few stations.
+const FEW_S_MAX: f64 = 60.0;
 
 /// Bytes that are written to measure the speed of the disk.
 const WRITTEN: usize = 1 << 26;
@@ -37,7 +41,8 @@ const SHARED: &str = "/dev/shm";
 #[derive(Debug, Args)]
 #[command(allow_negative_numbers = true)]
 pub struct HeadroomArgs {
-    /// Stations of the second line that is tried; the first has one.
+    /// Stations of the second line that is tried; the first has one for each core. Few stations overstate what one takes: with no
+    /// more than there are cores each starts a process, and of /dev/shm eight take nearly as much as 256.
     #[arg(long, default_value_t = 32, value_parser = clap::value_parser!(u16).range(2..=1024))]
     stations: u16,
     /// Taps per second of a station.
@@ -95,22 +100,30 @@ pub fn headroom(args: &HeadroomArgs) -> Result<()> {
     let try_line = |stations: u16, seconds| {
         Used::by_line(&folder.path().join(stations.to_string()), stations, *taps_per_s, seconds)
     };
-    let (one, many) = (try_line(1, seconds.clamp(0.0, ONE_S_MAX))?, try_line(*stations, *seconds)?);
+    let core_count = std::thread::available_parallelism().map_or(1, usize::from);
+    let few_stations = u16::try_from(core_count).unwrap_or(u16::MAX).min(stations - 1);
+    if usize::from(few_stations) < core_count {
+        say(&format!(
+            "with --stations {stations} on {core_count} cores, the memory of a station includes that of a process: choose more \
+             stations than cores"
+        ));
+    }
+    let (few, many) = (try_line(few_stations, seconds.clamp(0.0, FEW_S_MAX))?, try_line(*stations, *seconds)?);
     let disk_mb_per_s = disk_mb_per_s(&folder.path().join("plain"))?;
-    let cores = std::thread::available_parallelism().map_or(1, usize::from) as f64;
-    let more_stations = f64::from(stations - 1);
+    let shared_free_mb = shared_free_mb();
+    let more_stations = f64::from(stations - few_stations);
     let resource = |name, unit, total, used: &dyn Fn(&Used) -> f64, besides: f64| {
-        let more = used(&many) - used(&one);
+        let more = used(&many) - used(&few);
         // If noise hides what stations take, the line's share is divided too: too few stations rather than too many.
         let of_station = if more > 0.0 { more / more_stations } else { used(&many) / f64::from(*stations) };
-        let of_line = (used(&one) - of_station).clamp(0.0, f64::INFINITY);
+        let of_line = (used(&few) - f64::from(few_stations) * of_station).clamp(0.0, f64::INFINITY);
         Resource { name, unit, total, of_line, of_station: of_station + besides }
     };
-    let processors = 100.0 * cores * USABLE;
+    let processors = 100.0 * core_count as f64 * USABLE;
     let resources = [
         resource("processors", "% of a core", processors, &|used| used.cpu_percent, *listening_percent),
         resource("memory", "MB", free_memory_mb(), &|used| used.memory_mb, 0.0),
-        resource(SHARED, "MB", one.shared_free_mb, &|used| used.shared_mb, 0.0),
+        resource(SHARED, "MB", shared_free_mb, &|used| used.shared_mb, 0.0),
         resource("disk", "MB/s", disk_mb_per_s, &|used| used.disk_mb_per_s, 0.0),
     ];
     let of_tap_us = (resources[0].of_station - listening_percent) * 1e4 / taps_per_s;
@@ -149,7 +162,7 @@ pub fn headroom(args: &HeadroomArgs) -> Result<()> {
     )?;
     writeln!(
         out,
-        "Measured with 1 and with {stations} simulated stations: {of_tap_us:.0} us of processor time per tap, simulation excluded; \
+        "Measured with {few_stations} and with {stations} simulated stations: {of_tap_us:.0} us of processor time per tap, simulation excluded; \
          listening to a sound card is assumed to take {listening_percent} % of a core per station. {:.0} % of the cores may be used.",
         100.0 * USABLE
     )?;
@@ -162,8 +175,7 @@ struct Used {
     cpu_percent: f64,
     /// Sum of the processes' peak memory.
     memory_mb: f64,
-    /// Free space of `/dev/shm` before the run, and what the line took of it.
-    shared_free_mb: f64,
+    /// Most that the line's own files took of `/dev/shm`.
     shared_mb: f64,
     /// What it archives.
     disk_mb_per_s: f64,
@@ -183,20 +195,18 @@ impl Used {
         fs::write(&config, text)?;
         let out = folder.join("line");
         let printed = folder.join("printed");
-        let shared_before = shared_free_mb();
         let child = run_command(&program, &config, stations, &out)
             .stdout(File::create(&printed)?)
             .spawn()
             .with_context(|| format!("cannot start {}", program.display()))?;
-        let shared_least = watch(child, f64::from(2 * locations) / taps_per_s)?;
+        let shared_mb = watch(child, f64::from(2 * locations) / taps_per_s, &out)?;
         let Pace { taps, processes, .. } = LineCost::printed(&fs::read_to_string(printed)?)?.pace;
         let cpu_s: f64 = processes.iter().filter(|of| !of.is_source()).map(|of| of.user_s + of.kernel_s).sum();
         let tapped_s = taps / (f64::from(stations) * taps_per_s);
         Ok(Self {
             cpu_percent: 100.0 * cpu_s / tapped_s,
             memory_mb: processes.iter().map(|of| of.peak_memory_mb).sum(),
-            shared_free_mb: shared_before,
-            shared_mb: (shared_before - shared_least).clamp(0.001, f64::INFINITY),
+            shared_mb,
             disk_mb_per_s: bytes_in(&out)? / 1e6 / tapped_s,
         })
     }
@@ -209,22 +219,37 @@ fn program() -> Result<PathBuf> {
     Ok(path)
 }
 
-/// Waits for the line, which takes about `expected_s`; returns the least free space of `/dev/shm` meanwhile.
-fn watch(mut child: Child, expected_s: f64) -> Result<f64> {
+/// Waits for the line into `out`, which takes about `expected_s`; returns the most MB that its files took of `/dev/shm`.
+fn watch(mut child: Child, expected_s: f64, out: &Path) -> Result<f64> {
     let begun = Instant::now();
     let mut progress = Progress::new(Some(expected_s.ceil() as u64), Unit::Things("seconds"));
-    let mut least = f64::INFINITY;
+    let mut most: f64 = 0.0;
     let status = loop {
         if let Some(status) = child.try_wait()? {
             break status;
         }
-        let free = shared_free_mb();
-        least = if free < least { free } else { least };
+        let taken = address_of(out).map_or(0.0, |address| shared_mb(&address));
+        most = if taken > most { taken } else { most };
         progress.update(begun.elapsed().as_secs());
         sleep(Duration::from_millis(200));
     };
     ensure!(status.success(), "the line ended with {status}");
-    Ok(least)
+    ensure!(most > 0.0, "no file of the line was seen in {SHARED}");
+    Ok(most)
+}
+
+/// The address of the line that writes to `out`, once it has one.
+fn address_of(out: &Path) -> Option<LineAddress> {
+    let lock: toml::Table = fs::read_to_string(out.join(".line")).ok()?.parse().ok()?;
+    LineAddress::at(Path::new(lock.get("folder")?.as_str()?)).ok()
+}
+
+/// What the files of the line at `address` take of `/dev/shm`; files of other lines and of other programs do not count.
+fn shared_mb(address: &LineAddress) -> f64 {
+    let files = fs::read_dir(SHARED).into_iter().flatten().flatten();
+    let own = files.filter(|file| file.file_name().to_string_lossy().starts_with(address.prefix()));
+    // What is reserved of a file, in blocks of 512 bytes.
+    own.filter_map(|file| file.metadata().ok()).map(|of| of.blocks() as f64 * 512.0 / 1e6).sum()
 }
 
 fn shared_free_mb() -> f64 {
@@ -256,4 +281,28 @@ fn bytes_in(folder: &Path) -> Result<f64> {
         bytes += if of.is_dir() { bytes_in(&entry.path())? } else { of.len() as f64 };
     }
     Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches shared memory of another line, or of another program, that counts for the line.
+    #[test]
+    fn only_the_files_of_the_line_count() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(address_of(folder.path()).is_none());
+        let root = folder.path().join("tapline-0123456789abcdef");
+        fs::write(folder.path().join(".line"), format!("pid = 1\nfolder = {root:?}\n")).unwrap();
+        let address = address_of(folder.path()).unwrap();
+        // Its token is not that of the address: unique to this process.
+        let others = Path::new(SHARED).join(format!("tapline_test_{}", std::process::id()));
+        let own = Path::new(SHARED).join(format!("{}test_{}", address.prefix(), std::process::id()));
+        fs::write(&others, vec![1; 1 << 20]).unwrap();
+        fs::write(&own, vec![1; 1 << 16]).unwrap();
+        let counted = shared_mb(&address);
+        fs::remove_file(others).unwrap();
+        fs::remove_file(own).unwrap();
+        assert!((counted - 0.065_536).abs() < 1e-9, "{counted}");
+    }
 }

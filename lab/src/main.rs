@@ -38,7 +38,8 @@ enum Verb {
     /// Compare the archives of casings that a plant has scanned with what other means found in them: probability of
     /// detection, ROC, false calls, gauge studies.
     Pod(PodArgs),
-    /// Measure how many stations this host supports, and what limits them: a line of simulated stations runs for a short time.
+    /// Measure how many stations this host supports, and what limits them: lines of simulated stations run for a short time. Run it
+    /// on an idle host, because other programs slow the lines down.
     Headroom(HeadroomArgs),
     /// Repeat chapter 5 of the dissertation on three simulated tyres, and compare its claims with the results.
     Experiment {
