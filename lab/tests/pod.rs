@@ -254,6 +254,10 @@ fn what_is_wrong_is_named() {
         err.contains("location 3 of tyre B shoulder 1 is cracked in 1.h5 or in 2.h5, and sound in the other"),
         "{err}"
     );
+    // Their own truth is not needed beside another.
+    fs::write(sandbox.path("truth.csv"), format!("{HEAD}B,1,3,2,\n")).unwrap();
+    let done = sandbox.run("pod two --truth truth.csv").expect(0);
+    assert!(done.err.contains("location 3 of tyre B shoulder 1 is cracked in 1.h5 or in 2.h5"), "{done:?}");
     fs::write(sandbox.path("casings/broken.h5"), "no archive").unwrap();
     fs::write(sandbox.path("truth.csv"), format!("{HEAD}A,1,,0,\n")).unwrap();
     let done = sandbox.run("pod casings --truth truth.csv --json");

@@ -47,6 +47,8 @@ pub(super) struct Scans {
     pub unjudged_count: usize,
     /// Scans of the same recording as another.
     pub copy_count: usize,
+    /// The first shoulder of which two archives know different cracks.
+    pub contradiction: Option<String>,
 }
 
 impl Scanned {
@@ -89,12 +91,13 @@ impl Scans {
                 for &location in &scan.locations {
                     let is_cracked = cracks.iter().any(|crack| crack.covers(scan.extent, location));
                     let (known, first) = *stated.entry(location).or_insert((is_cracked, &scan.archive));
-                    ensure!(
-                        known == is_cracked,
-                        "location {location} of tyre {tyre} shoulder {side} is cracked in {first} or in {}, and sound in the \
-                         other: they are of two casings with one name, or of one at two times",
-                        scan.archive
-                    );
+                    if known != is_cracked && scans.contradiction.is_none() {
+                        scans.contradiction = Some(format!(
+                            "location {location} of tyre {tyre} shoulder {side} is cracked in {first} or in {}, and sound in \
+                             the other: they are of two casings with one name, or of one at two times",
+                            scan.archive
+                        ));
+                    }
                 }
             }
             shoulder.sort_by(|a, b| (a.tapped_ns, &a.archive).cmp(&(b.tapped_ns, &b.archive)));

@@ -16,10 +16,10 @@ mod truth;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, anyhow};
 use tapline_host::arguments::ForceArgs;
 use tapline_host::atomic_file::{Existing, check_folder, write_texts};
-use tapline_host::messages::print_line;
+use tapline_host::messages::{print_line, say};
 
 use self::archives::Scans;
 use self::calls::CallRate;
@@ -65,7 +65,7 @@ struct Findings {
 /// could be read.
 ///
 /// # Errors
-/// A truth that contradicts itself or the archives, no archive that can be read, or an error of the file system.
+/// A truth that contradicts itself or the archives, archives whose own truth is needed and contradicts itself, no archive that can be read, or an error of the file system.
 pub fn pod(args: &PodArgs) -> Result<bool> {
     if let Some(folder) = &args.out {
         check_folder(folder, args.force.existing())?;
@@ -75,9 +75,15 @@ pub fn pod(args: &PodArgs) -> Result<bool> {
         Some(file) => {
             let truth = KnownTruth::read(file)?;
             truth.check(&scans.extents()).with_context(|| file.display().to_string())?;
+            if let Some(why) = &scans.contradiction {
+                say(&format!("{why}; --truth replaces what archives know of cracks"));
+            }
             truth
         }
-        None => scans.truth(),
+        None => {
+            scans.contradiction.as_ref().map_or(Ok(()), |why| Err(anyhow!("{why}")))?;
+            scans.truth()
+        }
     };
     let found = Findings::compute(&scans, &truth, args);
     print_tables(&found.tables, args.json)?;
