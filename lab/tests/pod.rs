@@ -233,9 +233,9 @@ fn what_is_wrong_is_named() {
         sandbox.run("pod casings --truth truth.csv").expect(1).err
     };
     for (rows, expected) in [
-        ("B,1,,0,\n", "truth.csv: line 2: tyre \"B\" is in none of the archives"),
-        ("A,2,,0,\n", "truth.csv: line 2: tyre A: shoulder is 2; the archives have 1"),
-        ("A,1,8,1,\n", "truth.csv: line 2: tyre A shoulder 1: first_location is 8; it must lie in 0 to 7"),
+        ("B,1,,0,\n", "truth.csv line 2: tyre \"B\" is in none of the archives"),
+        ("A,2,,0,\n", "truth.csv line 2: tyre A: shoulder is 2; the archives have 1"),
+        ("A,1,8,1,\n", "truth.csv line 2: tyre A shoulder 1: first_location is 8; it must lie in 0 to 7"),
         ("A,1,7,2,-3\n", "truth.csv line 2: size_mm is \"-3\"; it must be a number above 0"),
         ("A,1,7,2,\nA,1,7,2,\n", "truth.csv line 3: names the crack of tyre A shoulder 1 at location 7 again"),
     ] {

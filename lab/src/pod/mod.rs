@@ -16,7 +16,7 @@ mod truth;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, Result, anyhow};
+use anyhow::{Result, anyhow};
 use tapline_host::arguments::ForceArgs;
 use tapline_host::atomic_file::{Existing, check_folder, write_texts};
 use tapline_host::messages::{print_line, say};
@@ -74,7 +74,7 @@ pub fn pod(args: &PodArgs) -> Result<bool> {
     let truth = match &args.truth {
         Some(file) => {
             let truth = KnownTruth::read(file)?;
-            truth.check(&scans.extents()).with_context(|| file.display().to_string())?;
+            truth.check(&scans.extents()).map_err(|error| anyhow!("{} {error:#}", file.display()))?;
             if let Some(why) = &scans.contradiction {
                 say(&format!("{why}; --truth replaces what archives know of cracks"));
             }
