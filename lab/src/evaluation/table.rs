@@ -8,6 +8,12 @@ use serde_json::{Map, Value};
 /// Digits of a number: more than its interval justifies.
 const DIGITS: usize = 4;
 
+/// Last columns whose cells are sentences.
+const NOTES: [&str; 2] = ["remark", "source"];
+
+/// Most columns of a table that has room for sentences in its last.
+const BESIDE_TEXT_MAX: usize = 4;
+
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Cell {
     Text(String),
@@ -105,14 +111,33 @@ impl Table {
         Value::Array(self.rows.iter().map(row).collect())
     }
 
-    /// For people at a terminal.
+    /// For people at a terminal, without columns that are empty. Beside many numbers a sentence would break into a word a line: then
+    /// it stands below the table, and its cell has its number.
     pub(crate) fn text(&self) -> String {
-        let mut table = tapline_host::table::table(self.columns.iter().map(|column| column.replace('_', " ")));
-        self.rows.iter().for_each(|row| {
-            table.add_row(row);
-        });
+        let is_shown =
+            |&place: &usize| self.rows.is_empty() || self.rows.iter().any(|row| row.get(place) != Some(&Cell::Empty));
+        let shown: Vec<usize> = (0..self.columns.len()).filter(is_shown).collect();
+        let mut table = tapline_host::table::table(shown.iter().map(|&place| self.columns[place].replace('_', " ")));
+        let has_many = self.columns.len() > BESIDE_TEXT_MAX;
+        let has_notes = has_many && self.columns.last().is_some_and(|c| NOTES.contains(c));
+        let mut notes: Vec<String> = Vec::new();
+        for row in &self.rows {
+            let mut cells: Vec<String> = row.iter().map(ToString::to_string).collect();
+            if let Some(note) = cells.last_mut().filter(|note| has_notes && !note.is_empty()) {
+                let number = notes.iter().position(|known| known == note).unwrap_or_else(|| {
+                    notes.push(note.clone());
+                    notes.len() - 1
+                });
+                *note = format!("({})", number + 1);
+            }
+            table.add_row(shown.iter().filter_map(|&place| cells.get(place)));
+        }
+        if has_many {
+            tapline_host::table::narrow(&mut table);
+        }
         tapline_host::table::break_between_words(&mut table);
-        format!("{}\n{table}\n", self.title)
+        let notes: String = notes.iter().zip(1..).map(|(note, number)| format!("({number}) {note}\n")).collect();
+        format!("{}\n{table}\n{notes}", self.title)
     }
 
     pub(crate) fn markdown(&self) -> String {
@@ -158,5 +183,33 @@ mod tests {
         assert_eq!(table.json().to_string(), r#"[{"auc":0.5,"low":null,"name":"x"}]"#);
         assert_eq!(table.csv().unwrap(), "name,auc,low\nx,0.5,\n");
         assert_eq!(table.markdown(), "| name | auc | low |\n|---|---|---|\n| x | 0.5 |  |\n");
+    }
+
+    /// Catches a remark beside many numbers that breaks into a word a line, and one that is printed twice or lost.
+    #[test]
+    fn sentences_stand_below_a_table_of_many_numbers() {
+        let columns = ["called", "cracked", "sound", "auc", "auc_low", "auc_high", "tpr_at_5", "remark"];
+        let mut table = Table::new("t", "T", columns);
+        let why = "no interval: 1 tyres have cracked ones, 2 have sound ones; 2 of each are needed";
+        for (name, remark) in [("locations", why), ("places", ""), ("shoulders by strongest arc", why)] {
+            let numbers = [0.1234; 6].map(cell);
+            table.push([name.into()].into_iter().chain(numbers).chain([remark.into()]));
+        }
+        let text = table.text();
+        assert!(text.ends_with(&format!("\n(1) {why}\n")) && text.matches(why).count() == 1, "{text}");
+        assert!(text.matches("(1)").count() == 3, "{text}");
+        assert!(text.lines().filter(|line| !line.contains(why)).all(|line| line.chars().count() <= 80), "{text}");
+        // A column without a value takes no room.
+        let columns = "shoulders call stated rate rate_low rate_high calls judged consistent remark";
+        let mut calls = Table::new("t", "T", columns.split(' '));
+        let numbers = [0.001, 0.7076, 0.7076, 0.7076].map(cell).into_iter().chain([3.into(), 3.into()]);
+        calls.push(["sound".into(), "not passed".into()].into_iter().chain(numbers).chain(["yes".into(), Cell::Empty]));
+        let text = calls.text();
+        assert!(!text.contains("remark") && text.contains("consistent"), "{text}");
+        assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+        // Two numbers leave room for it.
+        let mut few = Table::new("t", "T", ["what", "count", "remark"]);
+        few.push(["archives".into(), 2.into(), why.into()]);
+        assert!(!few.text().contains("(1)"), "{}", few.text());
     }
 }
