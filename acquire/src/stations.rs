@@ -1,6 +1,6 @@
 //! The stations of a line: entries `[[station]]` of a configuration.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -119,14 +119,8 @@ impl StationConfig {
     /// # Errors
     /// [`Error::Setting`] for the first value out of bounds, missing, or of another source.
     pub fn validate(&self) -> Result<(), Error> {
-        self.check("station")
-    }
-
-    /// The same for a station that the configuration has under `table`.
-    fn check(&self, table: &str) -> Result<(), Error> {
-        let refuse =
-            |key: &str, value: String, bound: String| Err(Error::setting(format!("{table}.{key}"), value, bound));
-        within(&format!("{table}.number"), self.number, 1..=u16::MAX)?;
+        let refuse = |key: &str, value: String, bound: String| Err(Error::setting(self.key(key), value, bound));
+        within(&self.key("number"), self.number, 1..=u16::MAX)?;
         let is = |source: StationSource| self.source == source;
         let folder = self.folder.as_ref().map(|folder| folder.display().to_string());
         let serial_file = self.serial_file.as_ref().map(|file| file.display().to_string());
@@ -162,18 +156,23 @@ impl StationConfig {
             let bound = "HOST:PORT, the port from 1 to 65535, or serial:PATH or serial:PATH@BAUD".to_owned();
             return refuse("rig", format!("{rig:?}"), bound);
         }
-        self.rig_times(table)?;
+        self.rig_times()?;
         if self.casings == Some(0) {
             return refuse("casings", "0".to_owned(), "at least 1, or left out".to_owned());
         }
         Ok(())
     }
 
+    /// The name of a key of this station, for people: by its number, as its place among the stations is hard to count.
+    fn key(&self, key: &str) -> String {
+        format!("station {}: {key}", self.number)
+    }
+
     /// How long its rig may be away, take to answer, and take to find its home.
-    fn rig_times(&self, table: &str) -> Result<[Duration; 3], Error> {
+    fn rig_times(&self) -> Result<[Duration; 3], Error> {
         let time = |key: &str, time_s: f64| {
             let time = Duration::try_from_secs_f64(time_s).ok().filter(|_| (0.001..=TIME_MAX_S).contains(&time_s));
-            time.ok_or_else(|| Error::setting(format!("{table}.{key}"), time_s, format!("from 0.001 to {TIME_MAX_S}")))
+            time.ok_or_else(|| Error::setting(self.key(key), time_s, format!("from 0.001 to {TIME_MAX_S}")))
         };
         Ok([
             time("rig_patience_s", self.rig_patience_s)?,
@@ -199,16 +198,17 @@ impl StationConfig {
 /// # Errors
 /// [`Error::Setting`] for the first that cannot be.
 pub fn validate_stations(stations: &[StationConfig]) -> Result<(), Error> {
-    let mut numbers = BTreeMap::new();
+    let mut numbers = BTreeSet::new();
     let mut sources: BTreeMap<(&str, &Path), u16> = BTreeMap::new();
     let mut folders: Vec<(PathBuf, u16)> = Vec::new();
-    for (place, station) in stations.iter().enumerate() {
-        let table = format!("station[{place}]");
-        station.check(&table)?;
-        let key = |field: &str| format!("{table}.{field}");
-        if let Some(first) = numbers.insert(station.number, place) {
-            let bound = format!("different from the number of station[{first}], counted from 0");
-            return Err(Error::setting(key("number"), station.number, bound));
+    for station in stations {
+        station.validate()?;
+        if !numbers.insert(station.number) {
+            return Err(Error::setting(
+                station.key("number"),
+                station.number,
+                "different from that of every other station",
+            ));
         }
         if let Some(folder) = &station.folder {
             let resolved = resolved(folder);
@@ -216,7 +216,7 @@ pub fn validate_stations(stations: &[StationConfig]) -> Result<(), Error> {
             let is_shared = |other: &Path| resolved.starts_with(other) || other.starts_with(&resolved);
             if let Some((_, first)) = folders.iter().find(|(other, _)| is_shared(other)) {
                 let bound = format!("neither that of the station with number {first}, nor within it, nor around it");
-                return Err(Error::setting(key("folder"), folder.display(), bound));
+                return Err(Error::setting(station.key("folder"), folder.display(), bound));
             }
             folders.push((resolved, station.number));
         }
@@ -225,7 +225,7 @@ pub fn validate_stations(stations: &[StationConfig]) -> Result<(), Error> {
         for (field, of) in named.into_iter().filter_map(|(field, of)| Some((field, of?))) {
             if let Some(first) = sources.insert((field, of), station.number) {
                 let bound = format!("different from that of the station with number {first}");
-                return Err(Error::setting(key(field), of.display(), bound));
+                return Err(Error::setting(station.key(field), of.display(), bound));
             }
         }
     }
@@ -264,7 +264,7 @@ pub fn open_station(
             Box::new(ByHand::open(device, station.serial_file.clone(), number, scan, &capture, wake)?)
         }
         (StationSource::Rig | StationSource::Alsa | StationSource::Uldaq, _, Some(address), _) => {
-            let [patience, timeout, home_timeout] = station.rig_times("station")?;
+            let [patience, timeout, home_timeout] = station.rig_times()?;
             let rig = RigConfig {
                 station: number,
                 address: address.clone(),
@@ -315,36 +315,36 @@ mod tests {
         for (text, want) in [
             (one("source = \"usb\""), "unknown variant `usb`"),
             (one("source = \"rig\"\nrig = \"h:1\"\nspeed = 1"), "unknown field `speed`"),
-            (one("source = \"folder\""), "station[0].folder is left out; it must be given, as source is \"folder\""),
-            (one("source = \"rig\""), "station[0].rig is left out; it must be given"),
-            (one("source = \"rig\"\nrig = \"h:0\""), "station[0].rig is \"h:0\"; it must be HOST:PORT"),
+            (one("source = \"folder\""), "station 1: folder is left out; it must be given, as source is \"folder\""),
+            (one("source = \"rig\""), "station 1: rig is left out; it must be given"),
+            (one("source = \"rig\"\nrig = \"h:0\""), "station 1: rig is \"h:0\"; it must be HOST:PORT"),
             (one("source = \"rig\"\nrig = \"serial:/dev/ttyUSB0@fast\""), "or serial:PATH@BAUD"),
-            (one("source = \"rig\"\nrig = \"\""), "station[0].rig is \"\""),
+            (one("source = \"rig\"\nrig = \"\""), "station 1: rig is \"\""),
             (
                 one("source = \"rig\"\nrig = \"h:1\"\nfolder = \"x\""),
-                "station[0].folder is x; it must be left out, as source is not \"folder\"",
+                "station 1: folder is x; it must be left out, as source is not \"folder\"",
             ),
-            (one("source = \"alsa\""), "station[0].device is left out; it must be given, as source is \"alsa\""),
+            (one("source = \"alsa\""), "station 1: device is left out; it must be given, as source is \"alsa\""),
             (
                 one("source = \"alsa\"\ndevice = \"hw:0\"\nrig = \"h:1\"\nserial_file = \"x\""),
-                "station[0].serial_file is x; it must be left out, as the rig reports the serial",
+                "station 1: serial_file is x; it must be left out, as the rig reports the serial",
             ),
-            (one("source = \"uldaq\""), "station[0].device is left out; it must be given, as source is \"uldaq\""),
+            (one("source = \"uldaq\""), "station 1: device is left out; it must be given, as source is \"uldaq\""),
             (
                 one("source = \"rig\"\nrig = \"h:1\"\ndevice = \"hw:0\""),
-                "station[0].device is hw:0; it must be left out, as source is not \"alsa\"",
+                "station 1: device is hw:0; it must be left out, as source is not \"alsa\"",
             ),
-            (one("source = \"rig\"\nrig = \"h:1\"\ncasings = 2"), "station[0].casings is 2; it must be left out"),
+            (one("source = \"rig\"\nrig = \"h:1\"\ncasings = 2"), "station 1: casings is 2; it must be left out"),
             (
                 one("source = \"rig\"\nrig = \"h:1\"\nrig_patience_s = nan"),
-                "station[0].rig_patience_s is NaN; it must be from 0.001",
+                "station 1: rig_patience_s is NaN; it must be from 0.001",
             ),
-            (one("source = \"simulated\"").replace("= 1", "= 0"), "station[0].number is 0; it must be from 1 to 65535"),
+            (one("source = \"simulated\"").replace("= 1", "= 0"), "station 0: number is 0; it must be from 1 to 65535"),
             (
                 one("source = \"simulated\"").repeat(2),
-                "station[1].number is 1; it must be different from the number of station[0], counted from 0",
+                "station 1: number is 1; it must be different from that of every other station",
             ),
-            (two, "station[1].rig is h:1; it must be different from that of the station with number 1"),
+            (two, "station 2: rig is h:1; it must be different from that of the station with number 1"),
         ] {
             let error = stations(&text).unwrap_err();
             assert!(error.contains(want), "{error:?} lacks {want:?}");

@@ -17,8 +17,8 @@ pub enum Error {
     /// A quantity of a simulated tyre's crack is out of its bounds; cracks count from 1.
     #[error("tyre {serial} crack {number}: {name} is {value}; it must lie in {low} to {high}")]
     Crack { serial: String, number: usize, name: &'static str, value: f64, low: f64, high: f64 },
-    /// A fault's fraction is not a probability; faults count from 0.
-    #[error("fault[{number}].fraction is {fraction}; it must lie in 0 to 1")]
+    /// A fault's fraction is not a probability; faults count from 1.
+    #[error("fault {number}: fraction is {fraction}; it must lie in 0 to 1")]
     Fault { number: usize, fraction: f64 },
     /// Two simulated tyres share a serial number.
     #[error("two simulated tyres have the serial number {serial:?}")]

@@ -68,7 +68,7 @@ fn the_example_of_a_configuration_is_one() {
         ("[simulation]\nsample_count = 1\n", &["sample_count"]),
         ("[capture]\nbits = 20\n", &["capture.bits is 20"]),
         ("[line]\non_verdict = \"\"\n", &["line.on_verdict = \"\""]),
-        ("[[station]]\nnumber = 1\nsource = \"simulated\"\ncasings = 0\n", &["station[0].casings is 0"]),
+        ("[[station]]\nnumber = 1\nsource = \"simulated\"\ncasings = 0\n", &["station 1: casings is 0"]),
         ("[[scan.tyre]]\nserial = \"S\"\nstation = 1\ncrack = [{ depth_mm = 900.0 }]\n", &["crack 1: depth_mm is 900"]),
         // For these the place in the file is shown, in several lines.
         ("[fuse]\nindex = \"fusde\"\n", &[PLACE, "unknown variant `fusde`", "`fused`"]),

@@ -221,22 +221,29 @@ impl ScanConfig {
     }
 
     fn validate_tyres(&self) -> Result<(), Error> {
-        for (number, tyre) in self.tyre.iter().enumerate() {
-            let key = |field: &str| format!("scan.tyre[{number}].{field}");
+        for (place, tyre) in self.tyre.iter().enumerate() {
             let serial = &tyre.serial;
             if Serial::new(serial).is_err() {
                 let bound = "1 to 32 bytes without white space at its ends, '/', control or invisible characters";
-                return refuse(&key("serial"), format!("{serial:?}"), bound);
+                return refuse(
+                    &format!("the serial of [[scan.tyre]] number {}", place + 1),
+                    format!("{serial:?}"),
+                    bound,
+                );
             }
-            if self.tyre[..number].iter().any(|other| other.serial == *serial) {
-                return refuse(&key("serial"), format!("{serial:?}"), "unique among the tyres");
+            if self.tyre[..place].iter().any(|other| other.serial == *serial) {
+                return refuse(&format!("tyre {serial}: serial"), format!("{serial:?}"), "unique among the tyres");
             }
             if !(1..=self.stations).contains(&tyre.station) {
-                return refuse(&key("station"), tyre.station, &format!("from 1 to scan.stations = {}", self.stations));
+                return refuse(
+                    &format!("tyre {serial}: station"),
+                    tyre.station,
+                    &format!("from 1 to scan.stations = {}", self.stations),
+                );
             }
-            for (crack_number, crack) in tyre.crack.iter().enumerate() {
-                self.validate_crack(crack, |field| key(&format!("crack[{crack_number}].{field}")))?;
-                crack.validate(serial, crack_number + 1)?;
+            for (crack, number) in tyre.crack.iter().zip(1..) {
+                self.validate_crack(crack, |field| format!("tyre {serial} crack {number}: {field}"))?;
+                crack.validate(serial, number)?;
             }
         }
         Ok(())
@@ -265,10 +272,10 @@ fn all_distinct(key: &str, values: &[f64], scale: f64, bounds: RangeInclusive<f6
     if values.is_empty() {
         return refuse(key, "[]", "at least one value");
     }
-    for (number, &value) in values.iter().enumerate() {
-        let key = format!("{key}[{number}]");
+    for (place, &value) in values.iter().enumerate() {
+        let key = format!("value {} of {key}", place + 1);
         within(&key, value, bounds.clone())?;
-        if values[..number].iter().any(|other| ((value - other) * scale).abs() < 1.0) {
+        if values[..place].iter().any(|other| ((value - other) * scale).abs() < 1.0) {
             return refuse(&key, value, "unique in the list");
         }
     }
@@ -314,9 +321,9 @@ mod tests {
             ("speed = 3", "unknown field `speed`"),
             ("stations = 0", "scan.stations is 0; it must be from 1 to 65535"),
             ("offsets_mm = []", "scan.offsets_mm is []; it must be at least one value"),
-            ("offsets_mm = [0.0, nan]", "scan.offsets_mm[1] is NaN; it must be from -2000 to 2000"),
-            ("offsets_mm = [5.0, 5.0]", "scan.offsets_mm[1] is 5; it must be unique"),
-            ("velocities_m_per_s = [0.0]", "scan.velocities_m_per_s[0] is 0; it must be from 0.01 to 20"),
+            ("offsets_mm = [0.0, nan]", "value 2 of scan.offsets_mm is NaN; it must be from -2000 to 2000"),
+            ("offsets_mm = [5.0, 5.0]", "value 2 of scan.offsets_mm is 5; it must be unique"),
+            ("velocities_m_per_s = [0.0]", "value 1 of scan.velocities_m_per_s is 0; it must be from 0.01 to 20"),
             ("repetitions = 0", "scan.repetitions is 0"),
             ("locations = 0", "scan.locations is 0; it must be from 1 to 999999"),
             ("shoulders = 3", "scan.shoulders is 3; it must be 1 or 2"),
@@ -326,12 +333,9 @@ mod tests {
                 "locations = 999999\nstations = 60000",
                 "scan: the number of taps is 239999880000; it must be at most 10000000",
             ),
-            ("[[tyre]]\nserial = \"\"", "scan.tyre[0].serial is \"\""),
-            ("[[tyre]]\nserial = \"A\"\n[[tyre]]\nserial = \"A\"", "scan.tyre[1].serial is \"A\"; it must be unique"),
-            (
-                "[[tyre]]\nserial = \"A\"\nstation = 2",
-                "scan.tyre[0].station is 2; it must be from 1 to scan.stations = 1",
-            ),
+            ("[[tyre]]\nserial = \"\"", "the serial of [[scan.tyre]] number 1 is \"\""),
+            ("[[tyre]]\nserial = \"A\"\n[[tyre]]\nserial = \"A\"", "tyre A: serial is \"A\"; it must be unique"),
+            ("[[tyre]]\nserial = \"A\"\nstation = 2", "tyre A: station is 2; it must be from 1 to scan.stations = 1"),
             ("[[tyre]]\nserial = \"A\"\ncolour = 2", "unknown field `colour`"),
         ] {
             let error = scan(text).unwrap_err();

@@ -140,17 +140,9 @@ fn written_tyres_are_scanned() {
     let cracked: Vec<_> = plan.truth().iter().filter(|&(_, &c)| c).map(|(k, _)| (k.0.as_str(), k.1, k.2)).collect();
     assert_eq!(cracked, [("B", 2, 0), ("B", 2, 1), ("B", 2, 18), ("B", 2, 19)]);
     for (from, to, want) in [
-        (
-            "shoulder = 2",
-            "shoulder = 3",
-            "scan.tyre[1].crack[0].shoulder is 3; it must be from 1 to scan.shoulders = 2",
-        ),
-        ("= 18", "= 20", "scan.tyre[1].crack[0].first_location is 20; it must be from 0 to scan.locations - 1 = 19"),
-        (
-            "_count = 4",
-            "_count = 21",
-            "scan.tyre[1].crack[0].location_count is 21; it must be from 1 to scan.locations = 20",
-        ),
+        ("shoulder = 2", "shoulder = 3", "tyre B crack 1: shoulder is 3; it must be from 1 to scan.shoulders = 2"),
+        ("= 18", "= 20", "tyre B crack 1: first_location is 20; it must be from 0 to scan.locations - 1 = 19"),
+        ("_count = 4", "_count = 21", "tyre B crack 1: location_count is 21; it must be from 1 to scan.locations = 20"),
         ("_count = 4", "_count = 4\ndepth_mm = nan", "tyre B crack 1: depth_mm is NaN; it must lie in"),
     ] {
         let scan: ScanConfig = toml::from_str(&text.replace(from, to)).unwrap();

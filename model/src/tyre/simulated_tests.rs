@@ -261,7 +261,7 @@ fn bad_configurations_are_named() {
         PlantedFault { kind: FaultKind::Noise, fraction: 1.5 },
     ];
     let error = SimulatedRig::new(&SimulationConfig { fault, ..default.clone() }, 1, &[]).unwrap_err().to_string();
-    assert_eq!(error, "fault[1].fraction is 1.5; it must lie in 0 to 1");
+    assert_eq!(error, "fault 2: fraction is 1.5; it must lie in 0 to 1");
     let tyre = |depth_mm| SimulatedTyre { serial: SERIAL.to_owned(), cracks: vec![whole_ring(depth_mm, 20.0)] };
     let error = SimulatedRig::new(&default, 1, &[tyre(f64::NAN)]).unwrap_err().to_string();
     assert_eq!(error, "tyre SIM-0001 crack 1: depth_mm is NaN; it must lie in 0.5 to 100");

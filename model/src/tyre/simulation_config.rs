@@ -103,7 +103,7 @@ impl SimulationConfig {
         ] {
             within(name, value, low, high)?;
         }
-        for (number, PlantedFault { fraction, .. }) in self.fault.iter().enumerate() {
+        for (PlantedFault { fraction, .. }, number) in self.fault.iter().zip(1..) {
             if !(0.0..=1.0).contains(fraction) {
                 return Err(Error::Fault { number, fraction: *fraction });
             }
