@@ -5,7 +5,7 @@
 
 mod last_end;
 mod receive;
-mod station;
+pub(super) mod station;
 
 use std::io::Write as _;
 use std::sync::{Arc, OnceLock};

@@ -126,7 +126,9 @@ impl Dialogue {
             (Some(name), ..) if let Some(why) = &self.stopped => {
                 format!("the rig {name:?} at {address} to continue: it is stopped ({why})")
             }
-            (Some(name), Some(_), Some(pending)) => format!("the rig {name:?} at {address} to {}", pending.text),
+            (Some(name), Some(_), Some(pending)) => {
+                format!("the rig {name:?} at {address} to {}", in_words(&pending.text))
+            }
             (Some(_), Some(Current { step: Step::Hit(..), .. }), None) => "its hit to be heard".to_owned(),
             (Some(name), Some(_), None) => format!("the rig {name:?} at {address}, to try again"),
             (Some(name), ..) => match self.last_end.on_rig() {
@@ -134,5 +136,18 @@ impl Dialogue {
                 None => format!("a casing on the rig {name:?} at {address}"),
             },
         }
+    }
+}
+
+/// What a rig does that obeys `command`, for people.
+pub(crate) fn in_words(command: &str) -> String {
+    match command.split(' ').collect::<Vec<_>>()[..] {
+        ["home"] => "find its home".to_owned(),
+        ["move", shoulder, location, angle_deg, offset_mm] => format!(
+            "move to location {location} ({angle_deg}°) of shoulder {shoulder}, {offset_mm} mm from the belt edge"
+        ),
+        ["hit", velocity_m_per_s] => format!("hit at {velocity_m_per_s} m/s"),
+        ["ping"] => "answer".to_owned(),
+        _ => command.to_owned(),
     }
 }

@@ -14,7 +14,9 @@ fn the_words_are_those_of_the_protocol() {
     let mut casing = bench.casing();
     rig.is_homed(&bench, &mut casing, 2, "homed\n");
     assert_eq!(casing.taps.poll(2, 0), Readiness::NotYet);
-    assert!(bench.arrivals.waits_for().ends_with(" to move 1 2 120 5"), "{}", bench.arrivals.waits_for());
+    let waits_for = bench.arrivals.waits_for();
+    let want = " to move to location 2 (120°) of shoulder 1, 5 mm from the belt edge";
+    assert!(waits_for.ends_with(want), "{waits_for}");
     assert!(render(&mut *casing.taps, 2).unwrap_err().reason.contains("has not made this tap"));
     rig.say("ready\n");
     assert_eq!(rig.hear(), "hit 1.85");

@@ -19,7 +19,7 @@ fn a_rig_is_homed_before_it_moves_and_after_it_was_stopped() {
     bench.until_told(&mut casing, 1, "home");
     assert_eq!(rig.hear(), "home");
     rig.say("stopped door\nhomed\nrunning\n");
-    bench.until(|waits_for| !waits_for.ends_with(" to home"));
+    bench.until(|waits_for| !waits_for.ends_with(" to find its home"));
     bench.until_told(&mut casing, 1, "home");
     rig.is_homed(&bench, &mut casing, 1, "homed\n");
 }

@@ -18,6 +18,7 @@ use std::time::Instant;
 use tapline_model::Crack;
 use tapline_wire::{Serial, cache_lines_for, now_ns};
 
+use super::dialogue::station::in_words;
 use super::*;
 use crate::TyreConfig;
 use crate::source::unknown_name;
@@ -113,7 +114,7 @@ impl Bench {
     /// Asks for a tap until the rig is told to do `command` for it.
     fn until_told(&self, casing: &mut Casing, row: u32, command: &str) {
         let since = Instant::now();
-        while !self.arrivals.waits_for().ends_with(&format!(" to {command}")) {
+        while !self.arrivals.waits_for().ends_with(&format!(" to {}", in_words(command))) {
             assert_eq!(casing.taps.poll(row, 0), Readiness::NotYet);
             assert!(since.elapsed() < LONG, "not told; {}", self.arrivals.waits_for());
             self.pause();
@@ -184,7 +185,7 @@ impl ByHand {
     fn is_homed(&mut self, bench: &Bench, casing: &mut Casing, row: u32, answer: &str) {
         assert_eq!(casing.taps.poll(row, 0), Readiness::NotYet);
         assert_eq!(self.hear(), "home");
-        assert!(bench.arrivals.waits_for().ends_with(" to home"), "{}", bench.arrivals.waits_for());
+        assert!(bench.arrivals.waits_for().ends_with(" to find its home"), "{}", bench.arrivals.waits_for());
         self.say(answer);
         let command = format!("move 1 {row} {} 5", row * 60);
         bench.until_told(casing, row, &command);
