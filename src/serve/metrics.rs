@@ -21,7 +21,7 @@ use tapline_host::memory;
 use tapline_wire::{Verdict, now_ns, shm};
 
 use crate::serve::beside;
-use crate::shown::latency::{BOUNDS_S, Latency};
+use crate::shown::latency::Latency;
 use crate::shown::status::{StationStatus, Status};
 use crate::shown::whole::Whole;
 
@@ -93,10 +93,7 @@ fn station(station: &StationStatus) -> (&'static str, String) {
 
 fn of_casings(registry: &mut Registry, status: &Status) {
     let verdicts = status.stations.iter().flat_map(|of| {
-        Verdict::ALL
-            .iter()
-            .zip(of.tally.verdicts)
-            .map(|(kind, count)| (vec![station(of), ("verdict", kind.to_string())], count))
+        Verdict::ALL.iter().map(|&kind| (vec![station(of), ("verdict", kind.to_string())], of.tally.verdicts.of(kind)))
     });
     counted(registry, "verdicts", "Casings judged since the line was started", verdicts);
     let waiting =
@@ -193,8 +190,8 @@ struct Histogram(Latency);
 
 impl EncodeMetric for Histogram {
     fn encode(&self, mut encoder: MetricEncoder<'_>) -> Result<(), fmt::Error> {
-        let Latency { counts, sum_s } = &self.0;
-        let bounds = BOUNDS_S.iter().copied().chain([f64::INFINITY]);
+        let Latency { bounds_s, counts, sum_s } = &self.0;
+        let bounds = bounds_s.iter().copied().chain([f64::INFINITY]);
         let bins: Vec<(f64, u64)> = bounds.zip(counts.iter().copied()).collect();
         encoder.encode_histogram::<NoLabelSet>(*sum_s, counts.iter().sum(), &bins, None::<&HashMap<_, _>>)
     }

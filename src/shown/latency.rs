@@ -3,18 +3,26 @@
 use serde::{Deserialize, Serialize};
 
 /// Upper bounds of all bins except the last, in seconds. A verdict is promised within a second.
-pub(crate) const BOUNDS_S: [f64; 8] = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 60.0];
+const BOUNDS_S: [f64; 8] = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 60.0];
 
 /// Casings that waited longer were interrupted: the line or the machine was restarted in between.
 const INTERRUPTED_S: f64 = 600.0;
 
 /// Times from the last tap of a casing to its verdict.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Latency {
-    /// How many are in each bin: those of [`BOUNDS_S`], and one above.
+    /// [`BOUNDS_S`], for readers of the JSON.
+    pub bounds_s: [f64; BOUNDS_S.len()],
+    /// How many are in each bin: those of the bounds, and one above.
     pub counts: [u64; BOUNDS_S.len() + 1],
     /// Their sum, in seconds.
     pub sum_s: f64,
+}
+
+impl Default for Latency {
+    fn default() -> Self {
+        Self { bounds_s: BOUNDS_S, counts: [0; BOUNDS_S.len() + 1], sum_s: 0.0 }
+    }
 }
 
 impl Latency {

@@ -82,8 +82,7 @@ pub(crate) struct ReceiverStatus {
 /// What a station has done since the line was started, in closed casings.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Tally {
-    /// Casings by verdict: PASS, RE-INSPECT, REJECT.
-    pub verdicts: [u64; 3],
+    pub verdicts: VerdictCounts,
     pub archived: u64,
     pub refused: u64,
     pub missing: u64,
@@ -91,11 +90,33 @@ pub(crate) struct Tally {
     pub retaken: u64,
 }
 
+/// Casings by verdict.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct VerdictCounts {
+    pub pass: u64,
+    pub re_inspect: u64,
+    pub reject: u64,
+}
+
+impl VerdictCounts {
+    /// How many have the `verdict`.
+    pub(crate) fn of(&self, verdict: Verdict) -> u64 {
+        match verdict {
+            Verdict::Pass => self.pass,
+            Verdict::ReInspect => self.re_inspect,
+            Verdict::Reject => self.reject,
+        }
+    }
+}
+
 impl Tally {
     /// Adds a casing that is closed.
     pub(crate) fn add(&mut self, verdict: &CasingVerdict, retaken: u64) {
-        let place = Verdict::ALL.iter().position(|&kind| kind == verdict.verdict).unwrap_or(0);
-        self.verdicts[place] += 1;
+        *match verdict.verdict {
+            Verdict::Pass => &mut self.verdicts.pass,
+            Verdict::ReInspect => &mut self.verdicts.re_inspect,
+            Verdict::Reject => &mut self.verdicts.reject,
+        } += 1;
         self.archived += verdict.archived as u64;
         self.refused += verdict.refused as u64;
         self.missing += verdict.missing as u64;

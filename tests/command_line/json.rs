@@ -67,7 +67,13 @@ fn the_page_has_the_shapes_of_every_verb() {
     );
     let mut line = Running::start(&sandbox, "line --config line.toml --out results --json");
     check(&mut shapes, "line: a casing", &line.verdict());
-    check(&mut shapes, "status: the line", &values(&sandbox.run("status --out results --json").expect(0).out)[0]);
+    let status = &values(&sandbox.run("status --out results --json").expect(0).out)[0];
+    check(&mut shapes, "status: the line", status);
+    // Numbers whose place alone would say what they are.
+    let [bounds, counts] = ["bounds_s", "counts"].map(|key| status["latency"][key].as_array().map(Vec::len));
+    assert!(bounds.is_some_and(|bounds| counts == Some(bounds + 1)), "{status}");
+    let by_verdict = &status["stations"][0]["tally"]["verdicts"];
+    assert!(["pass", "re_inspect", "reject"].iter().all(|key| by_verdict[key].is_u64()), "{status}");
     drop(line.interrupt());
     match NatsServer::start(&sandbox, "") {
         Some(server) => {

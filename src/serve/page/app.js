@@ -265,7 +265,7 @@
     const { tally } = station;
     const open = station.casing ?? { refused: 0, retaken: 0 };
     const facts = [
-      ['So far: PASS', tally.verdicts[0]], ['RE-INSPECT', tally.verdicts[1]], ['REJECT', tally.verdicts[2]],
+      ['So far: PASS', tally.verdicts.pass], ['RE-INSPECT', tally.verdicts.re_inspect], ['REJECT', tally.verdicts.reject],
       ['taps refused', tally.refused + open.refused], ['missing', tally.missing], ['taken again', tally.retaken + open.retaken],
     ].filter(([, value], k) => k < 3 || value > 0);
     keyed(parts.facts, JSON.stringify(facts), () => facts.map(([name, value]) => make('div', {}, make('dt', {}, name), make('dd', {}, String(value)))));
