@@ -85,7 +85,7 @@ fn print(contact: &Contact, more: Vec<(&str, Value)>, as_json: bool) -> Result<(
         for (name, value) in more {
             text[name] = value;
         }
-        writeln!(out, "{text:#}")?;
+        writeln!(out, "{text}")?;
         return Ok(());
     }
     writeln!(out, "rung            {}", contact.rung)?;

@@ -15,7 +15,7 @@ pub(crate) fn model(number: u8, rule: EffectiveLength, as_json: bool) -> Result<
             let cells = table.columns.iter().zip(row).map(|(column, &value)| ((*column).to_owned(), json!(value)));
             Value::Object(cells.collect())
         };
-        writeln!(Stdout, "{:#}", Value::Array(table.rows.iter().map(row).collect()))?;
+        writeln!(Stdout, "{}", Value::Array(table.rows.iter().map(row).collect()))?;
         return Ok(true);
     }
     let mut out = csv::Writer::from_writer(Stdout);

@@ -134,7 +134,7 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     let text = set.text()?;
     write_atomically(&args.out, args.force.existing(), |mut file| file.write_all(text.as_bytes()))?;
     match args.json {
-        true => writeln!(Stdout, "{:#}", of(&args.out, &set))?,
+        true => writeln!(Stdout, "{}", of(&args.out, &set))?,
         false => print(&args.out, &set)?,
     }
     Ok(is_complete)

@@ -14,7 +14,7 @@ pub(crate) fn print_tables(tables: &[Table], as_json: bool) -> Result<()> {
     let mut out = Stdout;
     if as_json {
         let each = tables.iter().map(|table| (table.name.to_owned(), table.json()));
-        writeln!(out, "{:#}", Value::Object(each.collect::<Map<_, _>>()))?;
+        writeln!(out, "{}", Value::Object(each.collect::<Map<_, _>>()))?;
     } else {
         for table in tables.iter().filter(|table| !table.is_long) {
             writeln!(out, "{}", table.text())?;
