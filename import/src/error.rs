@@ -64,9 +64,14 @@ pub(crate) fn broken<T>(what: impl Into<String>) -> Result<T, Fault> {
 
 /// The first names of a list, for an error.
 pub(crate) fn some_of<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+    listed(names.into_iter().map(|name| format!("{name:?}")))
+}
+
+/// The first of `texts`, which are quoted where they have to be, and how many there are besides.
+pub(crate) fn listed(texts: impl IntoIterator<Item = String>) -> String {
     const MOST: usize = 12;
-    let mut names = names.into_iter();
-    let mut text = names.by_ref().take(MOST).map(|name| format!("{name:?}")).collect::<Vec<_>>().join(", ");
+    let mut names = texts.into_iter();
+    let mut text = names.by_ref().take(MOST).collect::<Vec<_>>().join(", ");
     let more = names.count();
     if more > 0 {
         text += &format!(" and {more} more");

@@ -297,6 +297,11 @@ pub(crate) fn uff(label: &str, count: u32) -> Vec<u8> {
     text.into_bytes()
 }
 
+/// The same, whose first ID line is `Hammer 7`.
+fn with_id_line(uff: Vec<u8>) -> Vec<u8> {
+    String::from_utf8(uff).unwrap().replacen("NONE", "Hammer 7", 1).into_bytes()
+}
+
 /// `[tap]` of the files that tell nothing of their taps, and the force by a name.
 const ONE: &str = "channels = { force = \"force\" }\nsample_rate_hz = 1000\npre_trigger_samples = 1\ntap = { tyre = \"A\", shoulder = 1, location = 0, offset_mm = 0.0, velocity_m_per_s = 1.85 }\n";
 
@@ -327,6 +332,8 @@ fn a_channel_is_found_whatever_the_case_of_its_name() {
         ("0.mat", mat5(&[("FORCE", 6, 9, of(&[5.0; 4])), ("force", 6, 9, of(&one))]), Ok(1.0)),
         ("0.mat", mat5(&[("FORCE", 6, 9, of(&one)), ("Force", 6, 9, of(&one))]), Err("no channel \"force\"; it has")),
         ("0.uff", uff("Force", 4), Ok(1.0)),
+        // By every name that it may be called.
+        ("0.uff", with_id_line(uff("Blow", 4)), Err("no channel \"force\"; it has \"Blow\" or \"Hammer 7\"")),
         ("0.csv", csv("FORCE,sound"), Ok(1.0)),
         ("0.csv", csv("Force,FORCE"), Err("no channel \"force\"; it has \"Force\", \"FORCE\"")),
         ("0.h5", hdf5(&["Force", "Sound"]), Ok(1.0)),

@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io::{BufRead as _, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
-use crate::error::{Fault, broken, some_of};
+use crate::error::{Fault, broken, listed};
 use crate::format::{Pick, Recorded, place_of};
 use crate::series::{Series, checked_count};
 
@@ -45,6 +45,16 @@ struct Function {
     binary: Option<bool>,
     at: u64,
     bytes: u64,
+}
+
+impl Function {
+    /// The names that it is found by, in words. `NONE` stands for none.
+    fn names_in_words(&self) -> String {
+        let known: Vec<&String> = self.names.iter().filter(|name| !name.is_empty() && *name != "NONE").collect();
+        let distinct = known.iter().enumerate().filter(|(place, name)| !known[..*place].contains(name));
+        let quoted: Vec<String> = distinct.map(|(_, name)| format!("{name:?}")).collect();
+        if quoted.is_empty() { "one without a name".to_owned() } else { quoted.join(" or ") }
+    }
 }
 
 impl Uff {
@@ -183,8 +193,10 @@ impl Uff {
             "" => count,
             _ => (first + 1..count).find(|&place| label(place) == label(first)).unwrap_or(count),
         };
-        let names = (first..end).map(|place| label(place).as_str());
-        let missing = || Fault::Missing { what: "channel", name: channel.to_string(), known: some_of(names.clone()) };
+        let missing = || {
+            let known = listed(self.functions[first..end].iter().map(Function::names_in_words));
+            Fault::Missing { what: "channel", name: channel.to_string(), known }
+        };
         match channel {
             Pick::Number(number) => {
                 number.checked_sub(1).map(|n| first + n).filter(|&place| place < end).ok_or_else(missing)
