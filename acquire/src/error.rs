@@ -57,7 +57,7 @@ pub enum Error {
     #[error("{}: has no rows below its header", file.display())]
     NoRows { file: PathBuf },
     /// Not one recording of the set can be used.
-    #[error("{}: none of the {tap_count} taps can be used: {reasons}", folder.display())]
+    #[error("{}: {} be used: {reasons}", folder.display(), none_can(*tap_count))]
     NoUsableTap { folder: PathBuf, tap_count: usize, reasons: String },
     /// A setting of the configuration, or an argument, is out of bounds.
     #[error("{key} is {value}; it must be {bound}")]
@@ -79,6 +79,11 @@ pub enum Error {
     /// The taps do not form a plan.
     #[error(transparent)]
     Plan(#[from] tapline_wire::PlanError),
+}
+
+/// The beginning of a sentence about all of the taps.
+fn none_can(tap_count: usize) -> String {
+    if tap_count == 1 { "the only tap cannot".to_owned() } else { format!("none of the {tap_count} taps can") }
 }
 
 impl Error {

@@ -37,6 +37,10 @@ struct Named {
 
 /// The taps of `files`, and the files that cannot be read, though their parts name their taps, with the reason.
 pub(crate) fn records(files: &[PathBuf], config: &Config) -> Result<(Vec<Record>, Vec<String>)> {
+    if let Some(folder) = files.iter().find(|file| file.is_dir()) {
+        let reason = format!("is a folder; give the files in it instead, as {}/*", folder.display());
+        return Err(Error::Text { file: folder.clone(), line: None, reason });
+    }
     let mut list = List::default();
     match (&config.name, &config.table) {
         (_, Some(table)) => list.add_by_table(files, config, &config.path.with_file_name("").join(table))?,

@@ -117,6 +117,10 @@ fn faults_of_the_configuration_are_told() {
         assert!(CONFIG.contains(from));
         Case::new(&CONFIG.replace(from, to), &["A_1_0.wav", "A_1_1.wav"]).fails(parts);
     }
+    let mut folder = Case::new(CONFIG, &["A_1_0.wav"]);
+    folder.files = vec![folder.path("taps")];
+    fs::create_dir(folder.path("taps")).unwrap();
+    folder.fails(&["taps: is a folder; give the files in it instead, as ", "taps/*"]);
     Case::new(CONFIG, &["A_3_0.wav"]).fails(&["A_3_0.wav: shoulder is \"3\"; it must be a whole number from 1 to 2"]);
     Case::new(CONFIG, &["A_1_0.wav", "A_1_00.wav"]).fails(&[
         "A_1_00.wav: is the tap tyre A shoulder 1",
@@ -349,7 +353,13 @@ fn a_channel_is_found_whatever_the_case_of_its_name() {
                 let tapline_store::OwnedSamples::F32(samples) = samples else { panic!("{file}: counts") };
                 assert!((f64::from(samples[0]) - first).abs() < 1e-6, "{file}: {samples:?}");
             }
-            (Err(error), Err(want)) => assert!(error.to_string().contains(want), "{file}: {error} lacks {want}"),
+            (Err(error), Err(want)) => {
+                let error = error.to_string();
+                assert!(
+                    error.starts_with("the only tap cannot be imported: ") && error.contains(want),
+                    "{file}: {error} lacks {want}"
+                );
+            }
             (done, first) => panic!("{file}: {done:?} where {first:?} was wanted"),
         }
     }
