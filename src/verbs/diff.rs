@@ -226,6 +226,15 @@ fn index_differences(indices: impl Iterator<Item = (f64, f64)>) -> (usize, usize
     )
 }
 
+/// A difference to three digits; only a tiny one, which rounding may cause, needs an exponent.
+fn plain(value: f64) -> String {
+    let rounded = format!("{value:.2e}");
+    match rounded.parse::<f64>() {
+        Ok(value) if (1e-4..1e9).contains(&value.abs()) => value.to_string(),
+        _ => rounded,
+    }
+}
+
 impl fmt::Display for Difference {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "lineage    {}", if self.is_lineage_same { "the same" } else { "differs:" })?;
@@ -251,7 +260,7 @@ impl fmt::Display for Difference {
         for DiscriminatorDifference { name, differ, relative_max } in &self.discriminators {
             match differ {
                 0 => writeln!(f, "{name:<10} the same")?,
-                _ => writeln!(f, "{name:<10} {differ} differ, by {relative_max:.1e} of their value at most")?,
+                _ => writeln!(f, "{name:<10} {differ} differ, by {} of their value at most", plain(*relative_max))?,
             }
         }
         if self.flags_differ > 0 {
@@ -283,7 +292,7 @@ impl fmt::Display for ShoulderDifference {
             None if self.locations_differ == 0 => f.write_str(", index the same"),
             None => write!(f, ", index at {locations} in only one of them"),
             Some(largest) => {
-                write!(f, ", index differs at {locations}, by {largest:.2e} at most")?;
+                write!(f, ", index differs at {locations}, by {} at most", plain(largest))?;
                 match self.locations_absent {
                     0 => Ok(()),
                     absent => write!(f, "; {absent} of them have it in only one"),
@@ -313,11 +322,9 @@ mod tests {
         for (difference, words) in [
             (of(0, 0, None), "PASS, index the same"),
             (of(1, 1, None), "PASS, index at 1 location in only one of them"),
-            (of(9, 0, Some(0.5)), "PASS, index differs at 9 locations, by 5.00e-1 at most"),
-            (
-                of(9, 8, Some(0.5)),
-                "PASS, index differs at 9 locations, by 5.00e-1 at most; 8 of them have it in only one",
-            ),
+            (of(9, 0, Some(2.375)), "PASS, index differs at 9 locations, by 2.38 at most"),
+            (of(9, 0, Some(3.0e-12)), "PASS, index differs at 9 locations, by 3.00e-12 at most"),
+            (of(9, 8, Some(0.5)), "PASS, index differs at 9 locations, by 0.5 at most; 8 of them have it in only one"),
         ] {
             assert!(difference.to_string().ends_with(words), "{difference}");
         }

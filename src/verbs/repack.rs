@@ -42,9 +42,7 @@ fn print(archive: &Path, out: &Path, repacked: &Repacked, as_json: bool) -> Resu
         return Ok(writeln!(Stdout, "{text}")?);
     }
     let mb = |bytes: u64| format!("{:.1} MB", bytes as f64 / 1e6);
-    #[expect(clippy::cast_precision_loss, reason = "a ratio for people to read")]
-    let ratio = sample_bytes as f64 / after_bytes as f64;
     let (samples, before, after) = (mb(sample_bytes), mb(before_bytes), mb(after_bytes));
-    writeln!(Stdout, "{}: {after}, from {before}; {samples} of samples, {ratio:.2} times the file", out.display())?;
+    writeln!(Stdout, "{}: {after}, before {before}; its samples unpacked: {samples}", out.display())?;
     Ok(())
 }
