@@ -8,7 +8,7 @@
 
 pub(crate) mod writer;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -45,6 +45,24 @@ fn options(reader: &Reader) -> Vec<String> {
     reader.made_by().lines().filter(is_option).map(str::to_owned).collect()
 }
 
+/// The first options that only one list has, or with another value: `fuse.reject_rate = 0.01 here, 0.001 there`.
+fn differing(here: &[String], there: &[String]) -> String {
+    const MOST: usize = 3;
+    let split = |line: &String| line.split_once(" = ").map(|(key, value)| (key.to_owned(), value.to_owned()));
+    let by_key = |lines: &[String]| lines.iter().filter_map(split).collect::<BTreeMap<_, _>>();
+    let (here, there) = (by_key(here), by_key(there));
+    let keys: BTreeSet<&String> =
+        here.keys().chain(there.keys()).filter(|&key| here.get(key) != there.get(key)).collect();
+    let value = |of: Option<&String>| of.map_or_else(|| "left out".to_owned(), Clone::clone);
+    let mut texts: Vec<String> = (keys.iter().take(MOST))
+        .map(|&key| format!("{key} = {} here, {} there", value(here.get(key)), value(there.get(key))))
+        .collect();
+    if keys.len() > MOST {
+        texts.push(format!("and {} more", keys.len() - MOST));
+    }
+    texts.join("; ")
+}
+
 impl Alike {
     fn new(reader: &Reader) -> Self {
         let plan = reader.plan();
@@ -59,8 +77,8 @@ impl Alike {
         }
     }
 
-    /// What differs in `reader`.
-    fn difference(&self, reader: &Reader) -> Option<&'static str> {
+    /// What differs in `reader`, with the values there and here where they are short.
+    fn difference(&self, reader: &Reader) -> Option<String> {
         let (plan, ours) = (reader.plan(), &self.recording);
         let theirs = &plan.recording;
         // The maximum of samples may differ: the set has the largest.
@@ -68,15 +86,19 @@ impl Alike {
             && ours.pre_trigger_samples == theirs.pre_trigger_samples
             && ours.sample_format == theirs.sample_format
             && ours.channels == theirs.channels;
-        match () {
+        let what = match () {
             () if !is_alike => {
-                Some("the recording of its taps (rate, format, channels, or samples before the trigger) differs")
+                "the recording of its taps (rate, format, channels, or samples before the trigger) differs"
             }
-            () if plan.geometry != self.geometry => Some("its geometry differs"),
-            () if options(reader) != self.options => Some("its options differ"),
-            () if reader.reference() != self.reference.as_deref() => Some("its reference differs"),
-            () => None,
-        }
+            () if plan.geometry != self.geometry => "its geometry differs",
+            () if options(reader) != self.options => {
+                let differing = differing(&options(reader), &self.options);
+                return Some(format!("its options differ ({differing})"));
+            }
+            () if reader.reference() != self.reference.as_deref() => "its reference differs",
+            () => return None,
+        };
+        Some(what.to_owned())
     }
 }
 
