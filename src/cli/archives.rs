@@ -20,7 +20,8 @@ pub(crate) struct ReferenceArgs {
     /// Use the truth in the archives as the label of each location; without this option every shoulder counts as sound.
     #[arg(long)]
     pub labelled: bool,
-    /// Learn from the labels which way each discriminator moves with damage, where they show it.
+    /// Learn from the labels which way each discriminator moves with damage, where 20 cracked and 20 sound locations show it; the
+    /// others keep the direction of the configuration.
     #[arg(long, requires = "labelled")]
     pub learn_directions: bool,
     /// Configuration file for directions and re-inspect rate; if left out, those of the first archive.

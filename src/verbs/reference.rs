@@ -193,13 +193,22 @@ fn take(
     Ok(())
 }
 
+/// Which way `which` moves with damage.
+fn moves(set: &ReferenceSet, which: Discriminator) -> &'static str {
+    if set.directions.of(which) == Direction::Rises { "rises" } else { "falls" }
+}
+
 /// What a reference is, as JSON.
 fn of(path: &Path, set: &ReferenceSet) -> Value {
     let summary = &set.summary;
-    let moves = |which| if set.directions.of(which) == Direction::Rises { "rises" } else { "falls" };
     let discriminators: Vec<Value> = Discriminator::ALL
         .into_iter()
-        .map(|which| json!({ "name": which.name(), "moves": moves(which), "auc_if_rising": set.auc.get(which.name()) }))
+        .map(|which| {
+            json!({
+                "name": which.name(), "moves": moves(set, which), "is_learned": set.learned.contains(&which),
+                "auc_if_rising": set.auc.get(which.name()),
+            })
+        })
         .collect();
     json!({
         "out": path.display().to_string(),
@@ -220,7 +229,8 @@ fn of(path: &Path, set: &ReferenceSet) -> Value {
 
 fn print(path: &Path, set: &ReferenceSet) -> Result<()> {
     let mut out = Stdout;
-    let mut table = table(["discriminator", "moves", "its AUC", "spread of a tap, %", "between casings, %"]);
+    let mut table =
+        table(["discriminator", "moves with damage", "its AUC", "spread of a tap, %", "between casings, %"]);
     for which in Discriminator::ALL {
         let of_it = || set.summary.scales.iter().filter(move |line| line.discriminator == which);
         let mean = |values: Vec<f64>| {
@@ -229,7 +239,7 @@ fn print(path: &Path, set: &ReferenceSet) -> Result<()> {
         };
         table.add_row([
             which.name().to_owned(),
-            if set.directions.of(which) == Direction::Rises { "rises" } else { "falls" }.to_owned(),
+            format!("{}, {}", moves(set, which), if set.learned.contains(&which) { "learned" } else { "given" }),
             set.auc.get(which.name()).map_or_else(String::new, |&rising| {
                 let falls = set.directions.of(which) == Direction::Falls;
                 format!("{:.4}", if falls { 1.0 - rising } else { rising })

@@ -124,6 +124,8 @@ fn a_labelled_reference_teaches() {
     let labelled = format!("reference {CRACKED} {SOUND} --labelled --learn-directions --out known.json");
     let done = sandbox.run(&labelled).expect(0);
     assert!(done.out.contains("994 sound and 6 cracked"), "{done:?}");
+    // Six are too few.
+    assert_eq!((done.out.matches(", given").count(), done.out.matches(", learned").count()), (8, 0), "{done:?}");
     sandbox.write("later.toml", &format!("{SCAN}seed = 7\n{}[fuse]\nreference = \"known.json\"\n", tyres("L", true)));
     let done = sandbox.run("run --config later.toml --out later --json").expect(0);
     for (name, verdict, reasons) in verdicts(&sandbox, "later") {

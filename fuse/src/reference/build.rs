@@ -56,6 +56,7 @@ pub fn build_reference(of: &Built, shoulders: Vec<KnownShoulder>) -> Result<Refe
         for (&which, found) in learned.iter().filter(|(_, found)| found.is_sure) {
             let rises = found.auc >= 0.5;
             set.directions.set(which, if rises { Direction::Rises } else { Direction::Falls });
+            set.learned.push(which);
         }
     }
     let config = FuseConfig { index: IndexKind::default(), directions: set.directions, ..of.config.clone() };

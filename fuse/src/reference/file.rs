@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
-use tapline_wire::{Geometry, Plan, TapId, Values};
+use tapline_wire::{Discriminator, Geometry, Plan, TapId, Values};
 
 use crate::index::Setup;
 use crate::reference::fitted::FittedReference;
@@ -44,6 +44,9 @@ pub struct ReferenceSet {
     pub summary: Summary,
     /// The shoulders.
     pub shoulders: Vec<KnownShoulder>,
+    /// Discriminators whose direction was learned when it was built; a file does not say which these were.
+    #[serde(skip)]
+    pub learned: Vec<Discriminator>,
     #[serde(skip)]
     fits: Fits,
 }
@@ -102,6 +105,7 @@ impl ReferenceSet {
             auc: BTreeMap::new(),
             summary: Summary::default(),
             shoulders,
+            learned: Vec::new(),
             fits: Fits::default(),
         }
     }

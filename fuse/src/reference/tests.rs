@@ -191,6 +191,7 @@ fn directions_are_learned_where_labels_tell() {
         let of = Built { learns_directions, ..wrong.clone() };
         build_reference(&of, shoulders_of(&casing, 1, true, "A")).unwrap()
     };
+    assert_eq!((of(true).learned, of(false).learned), (vec![Discriminator::Tau, Discriminator::Pr], vec![]));
     let directions = of(true).directions;
     let learned = [Discriminator::Pr, Discriminator::Tau, Discriminator::A1].map(|which| directions.of(which));
     assert_eq!(learned, [Direction::Rises, Direction::Rises, Direction::Falls]);
