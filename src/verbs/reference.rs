@@ -262,7 +262,8 @@ fn print(path: &Path, set: &ReferenceSet) -> Result<()> {
     let percent = |rate: f64| format!("{:.2} %", 100.0 * rate);
     writeln!(
         out,
-        "With all of its turns: re-inspect from {:.2} for {} of sound shoulders, reject from {:.2} for {}; {} {}",
+        "Limits of a scan with as many turns: {:.2} for RE-INSPECT, which {} of sound shoulders reach, and {:.2} for REJECT, which {} \
+         reach; {} {}",
         summary.limit_re_inspect,
         percent(summary.re_inspect_rate),
         summary.limit_reject,
