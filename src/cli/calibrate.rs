@@ -76,7 +76,7 @@ pub(crate) struct HeardArgs {
 /// Where the calibration is kept.
 #[derive(Debug, Args)]
 pub(crate) struct WrittenArgs {
-    /// The calibration file of the station; its other channel stays as it is.
+    /// The calibration file of the station; its other channel stays as it is, with --force too.
     #[arg(long)]
     pub out: PathBuf,
     /// For how many days it is valid.

@@ -86,7 +86,8 @@ fn what_cannot_be_kept_is_refused_before_anything_is_heard() {
     // The configuration of the station is read only to listen.
     let refused =
         |out: &str| sandbox.run(&format!("calibrate blows --known-n 44.4 --config no.toml --out {out}")).expect(1).err;
-    assert!(refused("s.toml").contains("the force is calibrated"), "{}", refused("s.toml"));
+    let anew = "s.toml has a calibration of the force already: replace it with --force, which keeps the other channel";
+    assert!(refused("s.toml").contains(anew), "{}", refused("s.toml"));
     assert!(refused("broken.toml").contains("broken.toml"), "{}", refused("broken.toml"));
 }
 
@@ -101,6 +102,11 @@ fn data_sheets_tell_a_scale() {
     let of = |channel: &str| (file[channel]["full_scale"].as_float().unwrap(), file[channel]["unit"].as_str().unwrap());
     assert!((of("force").0 - 5.0 / 10.0 / 0.0225).abs() < 1e-9 && (of("sound").0 - 0.05).abs() < 1e-12, "{file}");
     assert_eq!((of("force").1, of("sound").1), ("N", "V"));
+    // One channel anew; the other stays.
+    state("--channel force --full-scale-v 5 --sensitivity-mv 22.5 --gain 20 --force").expect(0);
+    let anew: toml::Table = std::fs::read_to_string(sandbox.path("s.toml")).unwrap().parse().unwrap();
+    let ratio = anew["force"]["full_scale"].as_float().unwrap() / of("force").0;
+    assert!((ratio - 0.5).abs() < 1e-9 && anew["sound"] == file["sound"], "{anew}");
     // The range of a module is compared with it.
     assert_eq!(file["force"]["full_scale_v"].as_float(), Some(5.0), "{file}");
     let error = state("--channel force --full-scale-v 5").expect(1).err;

@@ -10,7 +10,7 @@ use anyhow::{Context as _, Result, bail, ensure};
 use jiff::{Timestamp, ToSpan as _, tz::TimeZone};
 use serde_json::json;
 use tapline_acquire::{CalibrationFile, ChannelScale};
-use tapline_host::atomic_file::{Existing, WriteError, write_atomically};
+use tapline_host::atomic_file::{Existing, write_atomically};
 use tapline_wire::{Certificate, Channel, Unit};
 
 use crate::cli::calibrate::{CalibrateVerb, WrittenArgs};
@@ -80,8 +80,11 @@ fn present(written: &WrittenArgs, channel: Channel) -> Result<CalibrationFile> {
         Channel::Sound => &file.sound,
     };
     if of_channel.is_some() && force.existing() == Existing::Keep {
-        let exists = WriteError::Exists { path: out.clone() };
-        return Err(anyhow::Error::from(exists).context(format!("the {} is calibrated", channel.name())));
+        bail!(
+            "{} has a calibration of the {} already: replace it with --force, which keeps the other channel, or give another file",
+            out.display(),
+            channel.name()
+        );
     }
     Ok(file)
 }
