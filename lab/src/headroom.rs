@@ -3,7 +3,7 @@
 //! The built program runs two lines of simulated stations at the pace of real ones for a short time: with few stations, and with
 //! many. What the second used more of processors, memory, `/dev/shm` and disk, divided by its additional stations, is what one
 //! takes; the rest is what any line takes. Both are compared with what the host has. The stations of a line share a process for
-//! each core, so the first line has a station for each core: every process counts for the line, none for a station.
+//! each core (for 16 stations if that is more), so the first line has a station for each core: its processes count for the line.
 
 use std::fs::{self, File};
 use std::io::Write as _;
@@ -101,11 +101,11 @@ pub fn headroom(args: &HeadroomArgs) -> Result<()> {
         Used::by_line(&folder.path().join(stations.to_string()), stations, *taps_per_s, seconds)
     };
     let core_count = std::thread::available_parallelism().map_or(1, usize::from);
-    let few_stations = u16::try_from(core_count).unwrap_or(u16::MAX).min(stations - 1);
+    let few_stations = u16::try_from(core_count).unwrap_or(u16::MAX).min(stations / 2);
     if usize::from(few_stations) < core_count {
         say(&format!(
-            "with --stations {stations} on {core_count} cores, the memory of a station includes that of a process: choose more \
-             stations than cores"
+            "with --stations {stations} on {core_count} cores, a station is counted with a part of a process: choose at least twice \
+             as many stations as cores"
         ));
     }
     let (few, many) = (try_line(few_stations, seconds.clamp(0.0, FEW_S_MAX))?, try_line(*stations, *seconds)?);

@@ -40,7 +40,7 @@ mod contact;
 mod error;
 mod tyre;
 
-pub use contact::choice::{Choice, ErrorBounds, choose_by_trial};
+pub use contact::choice::{Choice, RungErrors, choose_by_trial};
 pub use contact::damped::DampedContact;
 pub use contact::damping::{DampingLaw, chi_for_restitution};
 pub use contact::defect::{DefectContact, defect_contact};

@@ -40,7 +40,10 @@ pub(crate) struct Status {
     pub alarms: Vec<Alarm>,
 }
 
-/// Something that a person should look at.
+/// What the text of an alarm begins with that has ended.
+pub(crate) const OVER: &str = "over: ";
+
+/// Something that a person should look at, or, with [`OVER`], should have.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Alarm {
     /// When it was raised, in ns since the Unix epoch.

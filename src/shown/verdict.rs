@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use serde::{Deserialize, Serialize};
 use tapline_host::colour::Colour;
-use tapline_store::{Judged, Reader, Region, casing_id, regions};
+use tapline_store::{Judged, Reader, Region, casing_id, peak, regions};
 use tapline_wire::{Calibration, Channel, Judgement, Reasons, Scan, TapState, Verdict, monotonic_ns};
 
 use crate::shown::whole::Whole;
@@ -135,8 +135,9 @@ impl CasingVerdict {
     }
 
     fn line(&self, shoulder: &ShoulderVerdict) -> String {
-        // That the rates are extrapolated holds for every verdict of the line, which says it at its start.
-        let reasons = shoulder.why("|", &["extrapolated"]);
+        // The line says at its start that its rates are extrapolated; only a shoulder that scatters more has limits of its own.
+        let said: &[&str] = if shoulder.reasons.contains("scatter_off") { &[] } else { &["extrapolated"] };
+        let reasons = shoulder.why("|", said);
         let mut line = shoulder.short();
         if let (Some(arc), Some(re_inspect), Some(reject)) =
             (shoulder.strongest_arc, shoulder.limit_re_inspect, shoulder.limit_reject)
@@ -175,13 +176,9 @@ impl ShoulderVerdict {
         let known = |value: f64| Some(value).filter(|value| value.is_finite());
         // Of the strongest region; without one, of the whole shoulder. What a second reading cleared is in no region.
         let strength = |region: &&Region| region.region_index.unwrap_or(f64::NEG_INFINITY);
-        let peak = match regions.iter().rev().max_by(|a, b| strength(a).total_cmp(&strength(b))) {
+        let at_peak = match regions.iter().rev().max_by(|a, b| strength(a).total_cmp(&strength(b))) {
             Some(region) => region.peak_damage_index.map(|index| (region.peak_location, index)),
-            None => {
-                let numbers = cells.iter().filter(|cell| !cell.damage_index.is_nan());
-                let greatest = numbers.rev().max_by(|a, b| a.damage_index.total_cmp(&b.damage_index));
-                greatest.map(|cell| (cell.location, cell.damage_index))
-            }
+            None => peak(cells).map(|cell| (cell.location, cell.damage_index)),
         };
         let arcs: Vec<_> = regions.into_iter().map(DamageArc::from).collect();
         Ok(Self {
@@ -193,8 +190,8 @@ impl ShoulderVerdict {
             whole: Whole::new(judgement, qualities),
             regions: arcs.len(),
             arcs,
-            peak_damage_index: peak.map(|(_, index)| index),
-            peak_location: peak.map(|(location, _)| location),
+            peak_damage_index: at_peak.map(|(_, index)| index),
+            peak_location: at_peak.map(|(location, _)| location),
             strongest_arc: known(judgement.strongest_arc),
             limit_re_inspect: known(judgement.limit_re_inspect),
             limit_reject: known(judgement.limit_reject),

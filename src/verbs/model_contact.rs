@@ -16,7 +16,7 @@ pub(crate) fn contact(args: &ContactArgs) -> Result<bool> {
         Some(rung) => (rung.contact(&scene, args.damping).map_err(named)?, Vec::new()),
         None => {
             let choice = choose_by_trial(&scene, args.damping, args.tolerance).map_err(named)?;
-            let error = choice.bounds.of(choice.contact.rung);
+            let error = choice.errors.of(choice.contact.rung);
             let more =
                 vec![("tolerance", json!(choice.tolerance)), ("error", json!(error)), ("why", json!(choice.why()))];
             (choice.contact, more)

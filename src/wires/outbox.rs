@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use tapline_store::{Places, Reader, Unreported, casing_id};
 use tapline_wire::now_ns;
 
-use crate::shown::status::ReceiverStatus;
+use crate::shown::status::{OVER, ReceiverStatus};
 use crate::shown::verdict::CasingVerdict;
 
 /// Most verdicts that may wait at once; those beyond stay on the disk for the next start of the line.
@@ -306,8 +306,9 @@ impl Outbox {
             }
             None => {
                 if let Some(text) = state.troubles.remove(&(receiver, kind)) {
-                    tracing::warn!("over: {text}");
-                    state.alarm(format!("over: {text}"));
+                    let text = format!("{OVER}{text}");
+                    tracing::warn!("{text}");
+                    state.alarm(text);
                 }
             }
         }

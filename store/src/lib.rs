@@ -69,7 +69,7 @@ pub use format::layout::{FORMAT_VERSION, REASON_BYTES};
 pub use format::lineage::{Lineage, digest_of, hex_of, lineage_change, lineage_changes, lineage_key};
 pub use format::lost::Lost;
 pub use read::reader::{Judged, OwnedSamples, Reader, Refusal};
-pub use read::regions::{Region, regions};
+pub use read::regions::{Region, peak, regions};
 pub use read::samples::{ReadBuffer, Taps};
 pub use read::verify::{Problem, Report, verify, verify_with};
 pub use repack::{Repacked, repack};

@@ -48,6 +48,8 @@ fn options(reader: &Reader) -> Vec<String> {
 /// The first options that only one list has, or with another value: `fuse.reject_rate = 0.01 here, 0.001 there`.
 fn differing(here: &[String], there: &[String]) -> String {
     const MOST: usize = 3;
+    /// Bytes up to which two values are shown.
+    const SHORT: usize = 80;
     let split = |line: &String| line.split_once(" = ").map(|(key, value)| (key.to_owned(), value.to_owned()));
     let by_key = |lines: &[String]| lines.iter().filter_map(split).collect::<BTreeMap<_, _>>();
     let (here, there) = (by_key(here), by_key(there));
@@ -55,7 +57,10 @@ fn differing(here: &[String], there: &[String]) -> String {
         here.keys().chain(there.keys()).filter(|&key| here.get(key) != there.get(key)).collect();
     let value = |of: Option<&String>| of.map_or_else(|| "left out".to_owned(), Clone::clone);
     let mut texts: Vec<String> = (keys.iter().take(MOST))
-        .map(|&key| format!("{key} = {} here, {} there", value(here.get(key)), value(there.get(key))))
+        .map(|&key| match [here.get(key), there.get(key)].map(value) {
+            [here, there] if here.len() + there.len() <= SHORT => format!("{key} = {here} here, {there} there"),
+            _ => key.clone(),
+        })
         .collect();
     if keys.len() > MOST {
         texts.push(format!("and {} more", keys.len() - MOST));

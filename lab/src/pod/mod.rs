@@ -65,7 +65,8 @@ struct Findings {
 /// could be read.
 ///
 /// # Errors
-/// A truth that contradicts itself or the archives, archives whose own truth is needed and contradicts itself, no archive that can be read, or an error of the file system.
+/// A truth that contradicts itself or the archives; without a truth, archives that contradict each other; no archive that can be
+/// read; or an error of the file system.
 pub fn pod(args: &PodArgs) -> Result<bool> {
     if let Some(folder) = &args.out {
         check_folder(folder, args.force.existing())?;
@@ -76,7 +77,9 @@ pub fn pod(args: &PodArgs) -> Result<bool> {
             let truth = KnownTruth::read(file)?;
             truth.check(&scans.extents()).map_err(|error| anyhow!("{} {error:#}", file.display()))?;
             if let Some(why) = &scans.contradiction {
-                say(&format!("{why}; --truth replaces what archives know of cracks"));
+                say(&format!(
+                    "{why}; --truth replaces what archives know of cracks, and both count as scans of one shoulder"
+                ));
             }
             truth
         }

@@ -13,7 +13,7 @@ pub struct Choice {
     /// Largest relative difference from the full rung that is allowed in any of the four quantities.
     pub tolerance: f64,
     /// Errors of the rungs.
-    pub bounds: ErrorBounds,
+    pub errors: RungErrors,
 }
 
 /// The error of each rung against the full rung.
@@ -21,7 +21,7 @@ pub struct Choice {
 /// An error is the largest relative difference of peak force, contact time, deflection and restitution
 /// ([`Contact::error_against`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ErrorBounds {
+pub struct RungErrors {
     /// Error of the closed form.
     pub closed: f64,
     /// Error of the integral table.
@@ -30,7 +30,7 @@ pub struct ErrorBounds {
     pub plate: f64,
 }
 
-impl ErrorBounds {
+impl RungErrors {
     /// The error of `rung`; the full rung's is 0.
     pub fn of(&self, rung: Rung) -> f64 {
         match rung {
@@ -64,10 +64,10 @@ pub fn choose_by_trial(scene: &Scene, law: DampingLaw, tolerance: f64) -> Result
     let [closed, integral, plate, full] = contacts;
     let (closed, integral, plate, full) = (closed?, integral?, plate?, full?);
     let error = |contact: &Contact| contact.error_against(&full);
-    let bounds = ErrorBounds { closed: error(&closed), integral: error(&integral), plate: error(&plate) };
+    let errors = RungErrors { closed: error(&closed), integral: error(&integral), plate: error(&plate) };
     let rungs = [closed, integral, plate, full];
-    let contact = rungs.into_iter().find(|contact| bounds.of(contact.rung) <= tolerance).unwrap_or(full);
-    Ok(Choice { contact, tolerance, bounds })
+    let contact = rungs.into_iter().find(|contact| errors.of(contact.rung) <= tolerance).unwrap_or(full);
+    Ok(Choice { contact, tolerance, errors })
 }
 
 impl Choice {
@@ -83,10 +83,10 @@ impl fmt::Display for Choice {
         if rung == Rung::Full {
             write!(f, "full: nothing cheaper is within {tolerance} of it")?;
         } else {
-            write!(f, "{rung} is within {:.6} of full; {tolerance} is asked for", self.bounds.of(rung))?;
+            write!(f, "{rung} is within {:.6} of full; {tolerance} is asked for", self.errors.of(rung))?;
         }
         for cheaper in Rung::ALL.into_iter().take_while(|&cheaper| cheaper < rung) {
-            write!(f, "; {cheaper} is off by {:.6}", self.bounds.of(cheaper))?;
+            write!(f, "; {cheaper} is off by {:.6}", self.errors.of(cheaper))?;
         }
         Ok(())
     }

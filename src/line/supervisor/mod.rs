@@ -23,7 +23,7 @@ use crate::line::stage::StageReport;
 use crate::line::stages::Stages;
 use crate::shown::casing::{CasingStatus, Layout, retaken};
 use crate::shown::rig::Rigs;
-use crate::shown::status::{Alarm, StationStatus, Status};
+use crate::shown::status::{Alarm, OVER, StationStatus, Status};
 use crate::shown::verdict::Form;
 use crate::wires::Wires;
 
@@ -330,7 +330,14 @@ impl<'a> Supervisor<'a> {
         }
     }
 
+    /// Adds an alarm. What is over marks the alarm that began it, and is no news of its own.
     fn alarm(&mut self, text: String) {
+        let begun = text.strip_prefix(OVER).and_then(|begun| self.shown.alarms.iter_mut().find(|of| of.text == begun));
+        if let Some(begun) = begun {
+            begun.text = text;
+            self.is_news = true;
+            return;
+        }
         self.shown.alarms.truncate(SHOWN_MAX - 1);
         self.shown.alarms.insert(0, Alarm { at_ns: now_ns(), text });
         self.is_news = true;

@@ -93,7 +93,7 @@ pub(crate) fn regions(evidence: &Evidence, tyre: &Tyre) -> Markup {
 fn nothing(tyre: &Tyre) -> &'static str {
     let judged = tyre.shoulders.iter().filter(|shoulder| shoulder.limits.is_some()).count();
     match judged {
-        0 => "Not known: there is no damage map.",
+        0 => "Not known: no location has a damage index.",
         all if all == tyre.shoulders.len() => "Nothing: no region of damage was found.",
         _ => "No region of damage was found in what has been judged; the rest is not known.",
     }

@@ -311,7 +311,7 @@
       lines.push(['lost', `✖ ${lostWhy} since ${lostSince.toLocaleTimeString()}. No verdict is known; everything below is old.`]);
     } else {
       status.troubles.forEach((trouble) => lines.push(['trouble', `▲ ${trouble}`]));
-      const [alarm] = status.alarms;
+      const alarm = status.alarms.find(({ text }) => !text.startsWith('over: '));
       if (alarm && ageMs(alarm.at_ns) < ALARM_NEW_MS) lines.push(['alarm', `▲ Alarm, ${moment(alarm.at_ns)}: ${alarm.text}`]);
     }
     keyed(byId('banner'), JSON.stringify(lines), () => lines.map(([kind, text]) => make('p', { class: kind }, text)));

@@ -15,7 +15,7 @@ pub struct Region {
     pub start_deg: Option<f64>,
     /// Angle of the last location in degrees.
     pub end_deg: Option<f64>,
-    /// Location of its greatest damage index, the middle one if several have it: scores are bounded, so a strong crack has many.
+    /// Location of its [`peak`]; the first if no location has a damage index.
     pub peak_location: u32,
     /// Angle of that location in degrees.
     pub peak_angle_deg: Option<f64>,
@@ -61,6 +61,15 @@ pub fn regions(geometry: Geometry, cells: &[DamageCell]) -> Vec<Region> {
     regions
 }
 
+/// The cell with the greatest damage index, the middle one if several have it: scores are bounded, so a strong crack has many.
+/// `None` if no cell has an index.
+pub fn peak<'a>(cells: impl IntoIterator<Item = &'a DamageCell>) -> Option<&'a DamageCell> {
+    let mut cells: Vec<&DamageCell> = cells.into_iter().filter(|cell| !cell.damage_index.is_nan()).collect();
+    let greatest = cells.iter().map(|cell| cell.damage_index).max_by(f64::total_cmp)?;
+    cells.retain(|cell| cell.damage_index.total_cmp(&greatest).is_eq());
+    cells.get((cells.len() - 1) / 2).copied()
+}
+
 fn runs_join(cells: &[DamageCell]) -> bool {
     matches!((cells.first(), cells.last()), (Some(first), Some(last)) if first.region != 0 && first.region == last.region)
 }
@@ -79,13 +88,10 @@ fn part_deg(geometry: Geometry, cells: &[DamageCell]) -> Option<f64> {
 
 fn region_of(part_deg: Option<f64>, run: &[&DamageCell]) -> Region {
     let (first, last) = (run[0], run[run.len() - 1]);
-    let indices = || run.iter().map(|cell| cell.damage_index).filter(|index| !index.is_nan());
-    let greatest = indices().max_by(f64::total_cmp);
-    let has_greatest = |cell: &&&DamageCell| greatest.is_none_or(|index| cell.damage_index.total_cmp(&index).is_eq());
-    let equals: Vec<&DamageCell> = run.iter().filter(has_greatest).copied().collect();
-    let peak = equals[(equals.len() - 1) / 2];
+    let peak = peak(run.iter().copied());
     let known = |value: f64| Some(value).filter(|v| v.is_finite());
-    let (sum, count) = indices().fold((0.0, 0_u32), |(sum, count), index| (sum + index, count + 1));
+    let indices = run.iter().map(|cell| cell.damage_index).filter(|index| !index.is_nan());
+    let (sum, count) = indices.fold((0.0, 0_u32), |(sum, count), index| (sum + index, count + 1));
     let extent_locations = u32::try_from(run.len()).unwrap_or(u32::MAX);
     Region {
         region: first.region,
@@ -93,9 +99,9 @@ fn region_of(part_deg: Option<f64>, run: &[&DamageCell]) -> Region {
         last_location: last.location,
         start_deg: known(first.angle_deg),
         end_deg: known(last.angle_deg),
-        peak_location: peak.location,
-        peak_angle_deg: known(peak.angle_deg),
-        peak_damage_index: greatest.and_then(known),
+        peak_location: peak.unwrap_or(first).location,
+        peak_angle_deg: known(peak.unwrap_or(first).angle_deg),
+        peak_damage_index: peak.and_then(|cell| known(cell.damage_index)),
         mean_damage_index: known(sum / f64::from(count)),
         region_index: known(first.region_index),
         p_value: known(first.region_p_value),

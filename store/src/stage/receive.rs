@@ -33,7 +33,10 @@ impl StageLoop<'_> {
             {
                 batch.push(tap);
             }
-            has_come |= !batch.is_empty();
+            if batch.is_empty() {
+                break;
+            }
+            has_come = true;
             // Other records keep their order among the taps.
             for part in batch.chunk_by(|a, b| a.kind() == Some(RecordKind::Data) && b.kind() == a.kind()) {
                 self.take_taps(part)?;

@@ -15,8 +15,8 @@ use crate::archive::Archive;
 use crate::format::lineage::{Digest, digest_of};
 use crate::h5::samples::padded;
 
-/// Maximum number of buffers kept between calls.
-const KEPT_MAX: usize = 128;
+/// Maximum number of buffers kept between calls: those of a flush at full speed.
+const KEPT_MAX: usize = 1024;
 
 /// Bytes from which several threads pack records: waking them, and their search for more work, takes as much processor
 /// time as packing half of that with LZ4.

@@ -28,7 +28,7 @@ fn every_verdict_arrives_although_the_broker_is_killed() {
     slow_plant(&sandbox, 1000, 60.0, &config);
     let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json");
     let mut printed = Vec::new();
-    for _ in 0..3 {
+    for round in 1..=3 {
         printed.push(line.verdict());
         broker.kill();
         printed.extend(line.verdicts(2));
@@ -39,6 +39,11 @@ fn every_verdict_arrives_although_the_broker_is_killed() {
         assert!(!unreported(&sandbox).is_empty());
         broker.restart();
         until("it is connected again", || status(&sandbox)["receivers"][0]["trouble"].is_null());
+        until("its alarms are over", || {
+            let alarms = status(&sandbox)["alarms"].clone();
+            let is_over = |alarm: &Value| alarm["text"].as_str().unwrap().starts_with("over: mqtt: no connection");
+            alarms.as_array().unwrap().iter().filter(|alarm| is_over(alarm)).count() == round
+        });
     }
     let done = line.interrupt().expect(0);
     let logged =
