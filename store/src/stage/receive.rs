@@ -16,7 +16,7 @@ use crate::write::tap_state::PutOutcome;
 const BATCH_TAPS: usize = TapTopic::BORROWED;
 
 /// Batches that are put before the stage looks for other records.
-const BATCHES_MAX: usize = 8;
+const BATCHES_MAX: usize = 2;
 
 impl StageLoop<'_> {
     /// Puts the records that have come, at most as many as the buffers hold; returns whether any had.
