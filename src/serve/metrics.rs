@@ -22,7 +22,7 @@ use tapline_wire::{Verdict, now_ns, shm};
 
 use crate::serve::beside;
 use crate::shown::latency::Latency;
-use crate::shown::status::{StationStatus, Status};
+use crate::shown::status::{StationStatus, Status, VerdictCounts};
 use crate::shown::whole::Whole;
 
 /// The format of the text.
@@ -93,7 +93,9 @@ fn station(station: &StationStatus) -> (&'static str, String) {
 
 fn of_casings(registry: &mut Registry, status: &Status) {
     let verdicts = status.stations.iter().flat_map(|of| {
-        Verdict::ALL.iter().map(|&kind| (vec![station(of), ("verdict", kind.to_string())], of.tally.verdicts.of(kind)))
+        let VerdictCounts { pass, re_inspect, reject } = of.tally.verdicts;
+        let counts = Verdict::ALL.into_iter().zip([pass, re_inspect, reject]);
+        counts.map(move |(kind, count)| (vec![station(of), ("verdict", kind.to_string())], count))
     });
     counted(registry, "verdicts", "Casings judged since the line was started", verdicts);
     let waiting =

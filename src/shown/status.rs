@@ -94,22 +94,11 @@ pub(crate) struct Tally {
 }
 
 /// Casings by verdict.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct VerdictCounts {
     pub pass: u64,
     pub re_inspect: u64,
     pub reject: u64,
-}
-
-impl VerdictCounts {
-    /// How many have the `verdict`.
-    pub(crate) fn of(&self, verdict: Verdict) -> u64 {
-        match verdict {
-            Verdict::Pass => self.pass,
-            Verdict::ReInspect => self.re_inspect,
-            Verdict::Reject => self.reject,
-        }
-    }
 }
 
 impl Tally {

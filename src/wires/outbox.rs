@@ -7,7 +7,6 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-#[cfg(feature = "plant")]
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -87,7 +86,6 @@ struct Waiting {
 struct State {
     waiting: BTreeMap<Place, Waiting>,
     /// How many came in.
-    #[cfg_attr(not(feature = "plant"), expect(dead_code, reason = "only OPC UA asks for it"))]
     count: u64,
     /// Notes of casings whose files did not have their names when the line was started.
     unnamed: Vec<Unreported>,
