@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, Result, bail};
 use rustix::process::{Pid, Signal, kill_process};
 
-use tapline_wire::Role;
+use tapline_wire::{OVER, Role};
 
 use crate::line::process_name::stage_name;
 use crate::line::stage::{DISK_FAILED, StageReport};
@@ -166,6 +166,7 @@ impl StageProcess {
             self.has_begun = true;
             if std::mem::take(&mut self.is_silent) {
                 tracing::warn!("{} answers again, after {:.1} s", self.name, heard_at.elapsed().as_secs_f64());
+                return Some(format!("{OVER}{}", self.silence()));
             }
             return None;
         }

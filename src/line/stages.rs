@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
-use tapline_wire::{Line, LineAddress, LineError, Role, shm};
+use tapline_wire::{Line, LineAddress, LineError, OVER, Role, shm};
 
 use crate::line::limits::RESTART_BYTES;
 use crate::line::out_folder::OutFolder;
@@ -22,6 +22,10 @@ const SECURE_EVERY: Duration = Duration::from_millis(200);
 
 /// How often a write to a failed disk is tried.
 const TRY_DISK_EVERY: Duration = Duration::from_secs(1);
+
+/// Alarms, until they are over.
+const DISK_FAILED: &str = "the disk of the archive has failed, or may not be written: the log says what to do";
+const SHM_FULL: &str = "/dev/shm is full: a stage that ends is not started again until there is room";
 
 /// The stages of a line that runs.
 pub(crate) struct Stages<'a> {
@@ -117,8 +121,7 @@ impl<'a> Stages<'a> {
         let Some(place) = self.all.iter().position(|stage| stage.awaits_disk) else { return Ok(()) };
         if self.disk_failed_at.is_none() {
             self.folder.release();
-            let text = "the disk of the archive has failed, or may not be written: the log says what to do";
-            self.alarms.push(text.to_owned());
+            self.alarms.push(DISK_FAILED.to_owned());
         }
         let tried_at = self.disk_failed_at.get_or_insert_with(Instant::now);
         if tried_at.elapsed() < TRY_DISK_EVERY {
@@ -134,6 +137,7 @@ impl<'a> Stages<'a> {
             return Ok(());
         }
         tracing::warn!("the disk of the archive can be written again; nothing is lost");
+        self.alarms.push(format!("{OVER}{DISK_FAILED}"));
         self.disk_failed_at = None;
         self.all[place].disk_is_back()
     }
@@ -145,11 +149,13 @@ impl<'a> Stages<'a> {
             self.is_short_of_room = is_short;
             match is_short {
                 true => {
-                    let text = "/dev/shm is full: a stage that ends is not started again until there is room";
-                    tracing::error!("{text}");
-                    self.alarms.push(text.to_owned());
+                    tracing::error!("{SHM_FULL}");
+                    self.alarms.push(SHM_FULL.to_owned());
                 }
-                false => tracing::warn!("there is room in /dev/shm again"),
+                false => {
+                    tracing::warn!("there is room in /dev/shm again");
+                    self.alarms.push(format!("{OVER}{SHM_FULL}"));
+                }
             }
         }
         Ok(is_short)

@@ -131,6 +131,8 @@ fn of_stations(registry: &mut Registry, status: &Status) {
     counted(registry, "retakes", "Taps that were taken again", retaken);
     let waits = status.stations.iter().map(|of| (vec![station(of)], f64::from(u8::from(!of.waits_for.is_empty()))));
     measured(registry, ("station_waits", None), "1 while a station waits, for a casing or for its rig", waits);
+    let faults = status.stations.iter().map(|of| (vec![station(of)], f64::from(u8::from(of.fault.is_some()))));
+    measured(registry, ("station_fault", None), "1 while the rig, device or folder of a station is away", faults);
     let busy = status.stations.iter().map(|of| (vec![station(of)], f64::from(u8::from(of.casing.is_some()))));
     measured(registry, ("station_busy", None), "1 while a station has a casing", busy);
     let whole = |times: fn(&Whole) -> &BTreeMap<String, f64>| {

@@ -40,10 +40,7 @@ pub(crate) struct Status {
     pub alarms: Vec<Alarm>,
 }
 
-/// What the text of an alarm begins with that has ended.
-pub(crate) const OVER: &str = "over: ";
-
-/// Something that a person should look at, or, with [`OVER`], should have.
+/// Something that a person should look at, or, if it begins with [`tapline_wire::OVER`], should have.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Alarm {
     /// When it was raised, in ns since the Unix epoch.
@@ -61,6 +58,8 @@ pub(crate) struct StationStatus {
     pub last: Option<CasingStatus>,
     /// What it waits for; empty while it taps.
     pub waits_for: String,
+    /// What keeps it from seeing or tapping a casing that comes.
+    pub fault: Option<String>,
     pub tally: Tally,
     /// Properties of its last casing as a whole: the median over its shoulders.
     pub whole: Whole,

@@ -16,7 +16,7 @@ const STANDS_FOR: Duration = Duration::from_secs(600);
 /// The current state of a station.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum StationState {
-    /// The line starts, ends, hangs or is held: which casing is at the station is not known.
+    /// The line starts, ends, hangs or is held, or the station's rig or device is away: which casing is there is not known.
     NoSignal,
     /// No casing, and no current verdict.
     Ready,
@@ -41,6 +41,8 @@ impl StationState {
 #[derive(Debug, Default)]
 struct Station {
     is_busy: bool,
+    /// Whether something keeps it from seeing which casing is there.
+    has_fault: bool,
     verdict: Option<(Instant, Arc<CasingVerdict>)>,
     judged_count: u64,
 }
@@ -102,7 +104,9 @@ impl Now {
         for shown in shown {
             if let Some(station) = state.stations.get_mut(&shown.number) {
                 station.is_busy = shown.casing.is_some();
-                station.verdict.take_if(|(at, _)| shown.casing.is_some() || at.elapsed() > STANDS_FOR);
+                station.has_fault = shown.fault.is_some();
+                let is_over = station.is_busy || station.has_fault;
+                station.verdict.take_if(|(at, _)| is_over || at.elapsed() > STANDS_FOR);
             }
         }
     }
@@ -132,6 +136,7 @@ impl Now {
         };
         let station_state = match &station.verdict {
             _ if station.is_busy => StationState::Busy,
+            _ if station.has_fault => StationState::NoSignal,
             Some((at, verdict)) if at.elapsed() < STANDS_FOR => StationState::Judged(Arc::clone(verdict)),
             _ => StationState::Ready,
         };

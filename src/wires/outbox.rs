@@ -6,6 +6,7 @@
 //! the note. The verdict itself is in the casing's file.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::fs;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -13,10 +14,11 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result};
 use serde::{Deserialize, Serialize};
+use tapline_host::messages::counted;
 use tapline_store::{Places, Reader, Unreported, casing_id};
-use tapline_wire::now_ns;
+use tapline_wire::{OVER, now_ns};
 
-use crate::shown::status::{OVER, ReceiverStatus};
+use crate::shown::status::ReceiverStatus;
 use crate::shown::verdict::CasingVerdict;
 
 /// Most verdicts that may wait at once; those beyond stay on the disk for the next start of the line.
@@ -89,7 +91,8 @@ struct State {
     count: u64,
     /// Notes of casings whose files did not have their names when the line was started.
     unnamed: Vec<Unreported>,
-    troubles: BTreeMap<(Receiver, &'static str), String>,
+    /// Each with the text of its alarm, and its text now.
+    troubles: BTreeMap<(Receiver, &'static str), (String, String)>,
     alarms: Vec<String>,
     wakes: Vec<Wake>,
     is_full: bool,
@@ -296,14 +299,16 @@ impl Outbox {
     pub(crate) fn set_trouble(&self, receiver: Receiver, kind: &'static str, trouble: Option<String>) {
         let mut state = self.state();
         match trouble {
-            Some(text) => {
-                if state.troubles.insert((receiver, kind), text.clone()).is_none() {
+            Some(text) => match state.troubles.entry((receiver, kind)) {
+                Entry::Occupied(mut known) => known.get_mut().1 = text,
+                Entry::Vacant(place) => {
+                    place.insert((text.clone(), text.clone()));
                     tracing::warn!("{text}");
                     state.alarm(text);
                 }
-            }
+            },
             None => {
-                if let Some(text) = state.troubles.remove(&(receiver, kind)) {
+                if let Some((text, _)) = state.troubles.remove(&(receiver, kind)) {
                     let text = format!("{OVER}{text}");
                     tracing::warn!("{text}");
                     state.alarm(text);
@@ -330,13 +335,14 @@ impl Outbox {
             let age_ns = oldest.map_or(0, |oldest| now_ns.saturating_sub(oldest.note.at_ns));
             let late = (age_ns > LATE_AFTER_NS).then(|| {
                 format!(
-                    "{}: {count} verdicts are not acknowledged, the oldest for {} s",
+                    "{}: {} not acknowledged, the oldest for {} s",
                     receiver.name(),
+                    counted(count, "verdict is", "verdicts are"),
                     age_ns / 1_000_000_000
                 )
             });
             let trouble =
-                state.troubles.iter().find(|((of, _), _)| *of == receiver).map(|(_, text)| text.clone()).or(late);
+                state.troubles.iter().find(|((of, _), _)| *of == receiver).map(|(_, (_, now))| now.clone()).or(late);
             let trouble = trouble.filter(|_| receiver != Receiver::Print);
             ReceiverStatus { name: receiver.name().to_owned(), waiting: count as u64, trouble }
         };

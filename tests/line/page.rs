@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::{Read as _, Write as _};
-use std::net::TcpStream;
+use std::net::{TcpListener, TcpStream};
 use std::process::Command;
 use std::time::Duration;
 
@@ -230,6 +230,9 @@ fn the_health_is_that_of_the_line() {
         assert!(health().body.contains(&format!("{name} does not answer")), "{:?}", health());
         signal(process, Signal::CONT);
         until("the stage is back", || health().code == 200);
+        let alarms = sandbox.run("status --out out --json").json(0)["alarms"].to_string();
+        assert!(alarms.contains(&format!("\"over: {name} does not answer")), "{alarms}");
+        assert!(!alarms.contains(&format!("\"{name} does not answer")), "{alarms}");
     }
     for count in 1..=3 {
         let fuse = stage(line.child(), "fuse");
@@ -242,6 +245,32 @@ fn the_health_is_that_of_the_line() {
     let ill = health();
     assert!(ill.code == 503 && ill.body.contains("fuse was started again 3 times"), "{ill:?}");
     line.interrupt().expect(0);
+}
+
+/// Catches a station whose rig is away that nothing but a line of text shows, one that shows a verdict meanwhile, and one that stays
+/// ill.
+#[test]
+fn a_rig_that_is_away_is_a_fault() {
+    let sandbox = Sandbox::new();
+    let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let rig = format!("[[station]]\nnumber = 3\nsource = \"rig\"\nrig = \"127.0.0.1:{port}\"\n");
+    sandbox.write("plant.toml", &format!("[fuse]\nreference = \"self\"\n{rig}"));
+    let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json --serve 127.0.0.1:0");
+    let address = address_of(&mut line);
+    let is_faulty = |fault: u8| {
+        let metrics = ask(&address, "/metrics", "").body;
+        metrics.contains(&format!("tapline_station_fault{{station=\"3\"}} {fault}.0"))
+    };
+    until("it is missed", || ask(&address, "/healthz", "").code == 503 && is_faulty(1));
+    let health = ask(&address, "/healthz", "").body;
+    assert!(health.contains(&format!("station 3: there is no connection to the rig at 127.0.0.1:{port}")), "{health}");
+    let shown = sandbox.run("status --out out").expect(0).out;
+    assert!(shown.contains("TROUBLE station 3: there is no connection to the rig"), "{shown}");
+    let rig = Running::start(&sandbox, &format!("rig --listen 127.0.0.1:{port}"));
+    until("it is there", || ask(&address, "/healthz", "").code == 200 && is_faulty(0));
+    drop(rig);
+    until("it is missed again", || ask(&address, "/healthz", "").code == 503 && is_faulty(1));
+    line.interrupt();
 }
 
 /// Catches a page that others can read without the token, or by a name of theirs for this machine, a token that is not taken,

@@ -84,7 +84,7 @@ pub use record::damage::{DamageCell, Judgement, Verdict};
 pub use record::discriminators::{Direction, Discriminator, Discriminators, Feature, Values};
 pub use record::flags::{Quality, Reasons};
 pub use record::id::{Geometry, IdError, SERIAL_BYTES, Serial, TapId};
-pub use record::stamp::{RecordKind, Stamp, Stamped};
+pub use record::stamp::{OVER, RecordKind, Stamp, Stamped};
 pub use record::tap::{
     CACHE_LINE_BYTES, CHANNELS_MAX, CacheLine, Channel, ChannelHeader, SampleFormat, Samples, SourceKind, TapHeader,
     bytes_of, bytes_of_mut, cache_lines_for, f32_of_mut, i16_of_mut,

@@ -119,6 +119,10 @@ impl Arrivals for ByHand {
         self.ear.fault().unwrap_or_else(|| format!("{next_tap}, at {}", self.ear.device))
     }
 
+    fn fault(&self) -> Option<String> {
+        self.ear.fault()
+    }
+
     /// A casing that was left half tapped cannot be recognised later.
     fn patience(&self) -> Option<Duration> {
         Some(Duration::ZERO)

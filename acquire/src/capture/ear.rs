@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use tapline_wire::{CacheLine, f32_of_mut, i16_of_mut, now_ns};
+use tapline_wire::{CacheLine, OVER, f32_of_mut, i16_of_mut, now_ns};
 
 use crate::Wake;
 use crate::capture::device::{self, Chunk, Device};
@@ -256,6 +256,7 @@ impl Ear {
             if self.state().fault.as_ref() != Some(&text) {
                 tracing::error!("station {station}: {text}; trying again");
                 let mut state = self.state();
+                state.end_fault();
                 state.alarm(&text);
                 state.fault = Some(text);
                 drop(state);
@@ -306,7 +307,7 @@ impl Ear {
         force.clear();
         state.samples.push(frames, width, &picked);
         force.extend(frames.chunks_exact(width).map(|frame| frame[picked[0]]));
-        state.fault = None;
+        state.end_fault();
         let end = state.samples.end();
         let (end_ns, end_at) = (now_ns(), Instant::now());
         trigger.set_level(state.level);
@@ -356,6 +357,13 @@ impl Ear {
 }
 
 impl State {
+    /// Notes that the fault has ended, if there is one.
+    fn end_fault(&mut self) {
+        if let Some(text) = self.fault.take() {
+            self.alarm(&format!("{OVER}{text}"));
+        }
+    }
+
     fn alarm(&mut self, text: &str) {
         if self.alarms.len() < ALARMS_MAX {
             self.alarms.push(text.to_owned());

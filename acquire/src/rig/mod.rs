@@ -181,6 +181,10 @@ impl Arrivals for RigArrivals {
         fault.unwrap_or_else(|| self.link.dialogue().waits_for())
     }
 
+    fn fault(&self) -> Option<String> {
+        self.ear.as_ref().and_then(|ear| ear.fault()).or_else(|| self.link.dialogue().fault())
+    }
+
     fn patience(&self) -> Option<Duration> {
         Some(self.link.dialogue().config().patience)
     }

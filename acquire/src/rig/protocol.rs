@@ -13,6 +13,9 @@ pub(crate) const LINE_BYTES_MAX: usize = 256;
 /// Longest reason, in bytes.
 const REASON_BYTES_MAX: usize = 160;
 
+/// Greatest velocity of an impact.
+pub(crate) const VELOCITY_MAX_M_PER_S: f64 = 1000.0;
+
 /// The serial of a casing whose serial could not be read.
 pub(crate) const UNKNOWN: &str = "?";
 
@@ -58,7 +61,9 @@ impl RigMessage {
             ("running", "") => Some(Self::Running),
             ("homed", "") => Some(Self::Homed),
             ("pong", "") => Some(Self::Pong),
-            ("hit", velocity) => velocity.parse().ok().filter(|v| (0.0..=1000.0).contains(v)).map(Self::Hit),
+            ("hit", velocity) => {
+                velocity.parse().ok().filter(|v| (0.0..=VELOCITY_MAX_M_PER_S).contains(v)).map(Self::Hit)
+            }
             ("error", why) => Some(Self::Error(one_line(why))),
             _ => None,
         }

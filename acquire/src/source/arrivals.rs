@@ -71,6 +71,11 @@ pub trait Arrivals: Send + fmt::Debug {
         "nothing: its casings are there".to_owned()
     }
 
+    /// What keeps it from seeing or tapping a casing that comes, for people; `None` while nothing does.
+    fn fault(&self) -> Option<String> {
+        None
+    }
+
     /// How long a half-tapped casing may be away: on a rig it may come back, and is gone for good when
     /// another follows it. From a list or a folder each comes until it is done, and a missing one is gone: `None`.
     fn patience(&self) -> Option<Duration> {

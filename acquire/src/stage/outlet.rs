@@ -29,8 +29,8 @@ impl<'a> Outlet<'a> {
         Ok(Self { line, taps, proposals, waits: Publisher::open(line)?, retakes, outcome })
     }
 
-    /// Sends the supervisor what `station` waits for ([`RecordKind::Data`]), or an alarm or refusal of it for people, without
-    /// blocking; whether it was sent.
+    /// Sends the supervisor what `station` waits for ([`RecordKind::Data`]), or its fault, an alarm or a refusal, for people,
+    /// without blocking; whether it was sent.
     pub(crate) fn report(&self, station: u16, kind: RecordKind, what: &str) -> Result<bool, LineError> {
         let bytes_max = if kind == RecordKind::Data { WAIT_BYTES_MAX } else { REASON_BYTES_MAX };
         let stamp = Stamp { mark: station.into(), ..Stamp::default() };

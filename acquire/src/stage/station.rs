@@ -37,6 +37,8 @@ pub(crate) struct Station {
     is_source_awaited: bool,
     /// What it waits for as last reported, and when.
     reported: Option<(String, Instant)>,
+    /// The fault of its source as last reported, empty for none; `None` before the first report.
+    reported_fault: Option<String>,
 }
 
 /// The state of a station.
@@ -64,6 +66,7 @@ impl Station {
             pace: Pace { period, next_due: Instant::now() },
             is_source_awaited: false,
             reported: None,
+            reported_fault: None,
         }
     }
 
@@ -156,9 +159,13 @@ impl Station {
         Ok(())
     }
 
-    /// Reports what it waits for, for people, if that has changed and the last report is not too recent.
+    /// Reports what it waits for, for people, if that has changed and the last report is not too recent; and the fault of its source.
     pub(crate) fn report_wait(&mut self, outlet: &Outlet<'_>) -> Result<(), LineError> {
         self.send_alarms(outlet)?;
+        let fault = self.arrivals.fault().unwrap_or_default();
+        if self.reported_fault.as_ref() != Some(&fault) && outlet.report(self.number(), RecordKind::Fault, &fault)? {
+            self.reported_fault = Some(fault);
+        }
         if self.reported.as_ref().is_some_and(|(_, at)| at.elapsed() < REPORT_EVERY) {
             return Ok(());
         }

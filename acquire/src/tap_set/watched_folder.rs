@@ -298,6 +298,10 @@ impl Arrivals for FolderArrivals {
         }
     }
 
+    fn fault(&self) -> Option<String> {
+        self.fault.as_ref().map(|fault| format!("the folder {}: {fault}", self.folder.display()))
+    }
+
     fn is_blind(&self) -> bool {
         self.fault.is_some() || !self.unreadable.is_empty()
     }

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use anyhow::Result;
 use tapline_host::progress::Progress;
 use tapline_wire::{
-    CasingHeader, CasingTopic, Ledger, Line, LineAddress, Publisher, Received, RecordKind, Stamp, StatusTopic,
+    CasingHeader, CasingTopic, Ledger, Line, LineAddress, OVER, Publisher, Received, RecordKind, Stamp, StatusTopic,
     Subscriber, WaitTopic, decode_opened, now_ns,
 };
 
@@ -23,7 +23,7 @@ use crate::line::stage::StageReport;
 use crate::line::stages::Stages;
 use crate::shown::casing::{CasingStatus, Layout, retaken};
 use crate::shown::rig::Rigs;
-use crate::shown::status::{Alarm, OVER, StationStatus, Status};
+use crate::shown::status::{Alarm, StationStatus, Status};
 use crate::shown::verdict::Form;
 use crate::wires::Wires;
 
@@ -39,6 +39,9 @@ const SHOW_EVERY: Duration = Duration::from_millis(700);
 
 /// How often viewers that have died are looked for.
 const CLEAR_EVERY: Duration = Duration::from_secs(60);
+
+/// Most faults of stations among the troubles of the line.
+const FAULTS_MAX: usize = 4;
 
 /// Most verdicts and alarms that the status shows.
 const SHOWN_MAX: usize = 16;
@@ -121,6 +124,8 @@ pub(crate) struct Supervisor<'a> {
     with_rig: Vec<u16>,
     open: Vec<Open>,
     shown: Status,
+    /// The alarm that said that the archive cannot be written, until it can.
+    held_since: Option<String>,
     shown_at: Instant,
     /// When it was last asked whether there is something to show.
     looked_at: Instant,
@@ -168,6 +173,7 @@ impl<'a> Supervisor<'a> {
             with_rig: setup.rigs.clone(),
             open: Vec::new(),
             shown: Status { out: setup.out.clone(), pid: std::process::id(), stations, ..Status::default() },
+            held_since: None,
             shown_at: Instant::now(),
             looked_at: Instant::now(),
             is_news: true,
@@ -279,15 +285,22 @@ impl<'a> Supervisor<'a> {
             let text = String::from_utf8_lossy(&record).into_owned();
             match record.kind() {
                 Some(kind @ (RecordKind::Refusal | RecordKind::Alarm)) => {
-                    let text = format!("station {station}: {text}");
+                    let text = match text.strip_prefix(OVER) {
+                        Some(begun) => format!("{OVER}station {station}: {begun}"),
+                        None => format!("station {station}: {text}"),
+                    };
                     if kind == RecordKind::Refusal {
                         self.leave_out(text.clone());
                     }
                     self.alarm(text);
                 }
-                _ => {
-                    let station = self.shown.stations.iter_mut().find(|shown| shown.number == station);
-                    station.into_iter().for_each(|station| station.waits_for.clone_from(&text));
+                kind => {
+                    if let Some(station) = self.shown.stations.iter_mut().find(|shown| shown.number == station) {
+                        match kind {
+                            Some(RecordKind::Fault) => station.fault = Some(text).filter(|text| !text.is_empty()),
+                            _ => station.waits_for = text,
+                        }
+                    }
                 }
             }
             self.is_news = true;
@@ -318,8 +331,14 @@ impl<'a> Supervisor<'a> {
     /// Notes why the archive cannot be written; an empty text ends that.
     fn held(&mut self, why: String) {
         let why = Some(why).filter(|why| !why.is_empty());
-        if let Some(why) = why.as_ref().filter(|_| self.shown.held_by.is_none()) {
-            self.alarm(why.clone());
+        match (&why, self.held_since.take()) {
+            (Some(_), Some(begun)) => self.held_since = Some(begun),
+            (Some(why), None) => {
+                self.held_since = Some(why.clone());
+                self.alarm(why.clone());
+            }
+            (None, Some(begun)) => self.alarm(format!("{OVER}{begun}")),
+            (None, None) => {}
         }
         self.shown.held_by = why;
     }
@@ -330,12 +349,13 @@ impl<'a> Supervisor<'a> {
         }
     }
 
-    /// Adds an alarm. What is over marks the alarm that began it, and is no news of its own.
+    /// Adds an alarm. What is over marks the alarm that began it, if that is still shown, and is no news of its own.
     fn alarm(&mut self, text: String) {
-        let begun = text.strip_prefix(OVER).and_then(|begun| self.shown.alarms.iter_mut().find(|of| of.text == begun));
-        if let Some(begun) = begun {
-            begun.text = text;
-            self.is_news = true;
+        if let Some(begun) = text.strip_prefix(OVER) {
+            if let Some(alarm) = self.shown.alarms.iter_mut().find(|alarm| alarm.text == begun) {
+                alarm.text = text;
+                self.is_news = true;
+            }
             return;
         }
         self.shown.alarms.truncate(SHOWN_MAX - 1);
@@ -416,7 +436,15 @@ impl<'a> Supervisor<'a> {
         let of_line = self.shown.held_by.clone().into_iter().chain(is_ending);
         let of_wires = self.audience.wires.as_ref().and_then(|wires| wires.outbox.trouble());
         let of_receivers = self.shown.receivers.iter().filter_map(|receiver| receiver.trouble.clone());
-        of_line.chain(self.stages.troubles()).chain(of_wires).chain(of_receivers).collect()
+        let of_stations = self.shown.stations.iter();
+        let mut faults: Vec<String> = of_stations
+            .filter_map(|station| Some(format!("station {}: {}", station.number, station.fault.as_ref()?)))
+            .collect();
+        if faults.len() > FAULTS_MAX {
+            let others = faults.split_off(FAULTS_MAX).len();
+            faults.push(format!("{others} other stations have faults too"));
+        }
+        of_line.chain(self.stages.troubles()).chain(of_wires).chain(of_receivers).chain(faults).collect()
     }
 
     fn into_pace(self) -> Pace {

@@ -226,6 +226,8 @@
       const isTapped = casing.planned > 0 && casing.archived + casing.refused >= casing.planned;
       return { state: isTapped ? 'judging' : 'scanning', casing };
     }
+    // What is at a station whose rig or device is away is not known.
+    if (station.fault) return { state: 'unknown' };
     const verdict = verdictOf(station);
     // Held, the line does not know whether another casing has come.
     const isCurrent = verdict && last && !status.held_by && ageMs(verdict.at_ns) < LIT_MS;

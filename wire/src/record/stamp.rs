@@ -23,7 +23,12 @@ pub enum RecordKind {
     Closed,
     /// What people should know of a station, or why the archive cannot be written; it follows as text.
     Alarm,
+    /// What keeps a station from taking in casings; it follows as text, which is empty when nothing does any more.
+    Fault,
 }
+
+/// What the text of an alarm begins with that has ended; the text of that alarm follows.
+pub const OVER: &str = "over: ";
 
 coded!(
     RecordKind: u32,
@@ -36,6 +41,7 @@ coded!(
     Ledger = 7,
     Closed = 8,
     Alarm = 9,
+    Fault = 10,
 );
 
 /// Identity of a record: its sender, when the sender started, and its position in what the sender has sent.

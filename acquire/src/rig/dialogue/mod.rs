@@ -11,6 +11,8 @@ use std::io::Write as _;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
+use tapline_wire::OVER;
+
 use self::last_end::LastEnd;
 use crate::rig::RigConfig;
 use crate::rig::stream::Stream;
@@ -58,6 +60,8 @@ pub(crate) struct Dialogue {
     last_end: LastEnd,
     /// When the rig disconnected with the current casing on it.
     away_since: Option<Instant>,
+    /// The alarm that said so, until the rig is back.
+    away_alarm: Option<String>,
     last_received: Option<Instant>,
     /// When a rig at a port was last asked who it is.
     asked: Option<Instant>,
@@ -158,6 +162,11 @@ pub(crate) struct LoadedCasing {
     pub removal: Removal,
 }
 
+/// The alarm of a rig that is stopped.
+fn stopped(why: &str) -> String {
+    format!("the rig is stopped: {why}")
+}
+
 impl Dialogue {
     pub(super) fn new(config: RigConfig, tap_count: u64) -> Self {
         let last_end = LastEnd::read(config.last_end.as_deref());
@@ -187,7 +196,7 @@ impl Dialogue {
     /// Forgets what the rig said and was told: it starts again.
     pub(super) fn forget_rig(&mut self) {
         self.rig_name = None;
-        self.stopped = None;
+        self.end_stop();
         self.is_homed = false;
         self.count_unanswered();
         self.loaded = None;
@@ -198,6 +207,13 @@ impl Dialogue {
             if !matches!(current.step, Step::Hit(..)) {
                 current.step = Step::Idle;
             }
+        }
+    }
+
+    /// Notes that the rig is no longer stopped.
+    fn end_stop(&mut self) {
+        if let Some(why) = self.stopped.take() {
+            self.alarm(format!("{OVER}{}", stopped(&why)));
         }
     }
 
@@ -256,6 +272,7 @@ impl Dialogue {
                 && !std::mem::replace(&mut current.is_away_told, true)
             {
                 let text = format!("casing {}: the connection to the rig is lost: {reason}", current.serial);
+                self.away_alarm = Some(text.clone());
                 self.alarm(text);
             }
         }

@@ -2,10 +2,10 @@
 
 use std::time::{Duration, Instant};
 
-use tapline_wire::{Serial, now_ns};
+use tapline_wire::{OVER, Serial, now_ns};
 
-use super::{Command, Current, Dialogue, Hit, RigConfig, Step, Tap};
-use crate::rig::protocol::{RigMessage, UNKNOWN, VERSION, one_line};
+use super::{Command, Current, Dialogue, Hit, RigConfig, Step, Tap, stopped};
+use crate::rig::protocol::{RigMessage, UNKNOWN, VELOCITY_MAX_M_PER_S, VERSION, one_line};
 
 /// Most unexpected lines within a second.
 const UNEXPECTED_MAX: u32 = 100;
@@ -20,7 +20,14 @@ impl Dialogue {
                 // Boot output of a board.
                 return Ok(false);
             }
-            return Err(format!("the rig has said {:?}, which is not in the protocol", one_line(line)));
+            let bound = if line.starts_with("hit ") {
+                format!(": a velocity is a number from 0 to {VELOCITY_MAX_M_PER_S}, as 1.85")
+            } else {
+                String::new()
+            };
+            let why = format!("{:?}, which is not in the protocol{bound}", one_line(line));
+            self.send(&format!("error {why}"));
+            return Err(format!("the rig has said {why}"));
         };
         if self.rig_name.is_none() {
             return self.receive_hello(message, line);
@@ -80,7 +87,7 @@ impl Dialogue {
             RigMessage::Stopped(why) => {
                 let RigConfig { station, address, .. } = &self.config;
                 tracing::warn!("station {station}: the rig at {address} is stopped: {why}");
-                self.alarm(format!("the rig is stopped: {why}"));
+                self.alarm(stopped(&why));
                 // The pending command was not done: it is sent again when the rig continues.
                 if let Some(pending) = self.pending.take_if(|pending| pending.command != Command::Ping)
                     && let Some(current) = self.begun(pending.casing)
@@ -95,7 +102,7 @@ impl Dialogue {
             RigMessage::Running => {
                 let RigConfig { station, address, .. } = &self.config;
                 tracing::warn!("station {station}: the rig at {address} continues");
-                self.stopped = None;
+                self.end_stop();
                 Ok(true)
             }
             RigMessage::Pong => self.answered(Command::Ping, line).map(|_| true),
@@ -124,6 +131,9 @@ impl Dialogue {
                 }
                 self.rig_name = Some(name);
                 self.fault = None;
+                if let Some(text) = self.away_alarm.take() {
+                    self.alarm(format!("{OVER}{text}"));
+                }
                 Ok(true)
             }
             RigMessage::Hello { version, .. } => {

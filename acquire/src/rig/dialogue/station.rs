@@ -114,6 +114,19 @@ impl Dialogue {
         std::mem::take(&mut self.alarms)
     }
 
+    /// Why the rig takes no commands, as text for people; `None` while it does.
+    pub(crate) fn fault(&self) -> Option<String> {
+        let address = &self.config.address;
+        match (&self.rig_name, &self.stopped) {
+            (None, _) => {
+                let why = self.fault.as_ref()?;
+                Some(format!("there is no connection to the rig at {address}: {why}"))
+            }
+            (Some(_), Some(why)) => Some(format!("the rig at {address} is stopped: {why}")),
+            (Some(_), None) => None,
+        }
+    }
+
     /// What the station is waiting for, as text for people.
     pub(crate) fn waits_for(&self) -> String {
         let address = &self.config.address;
