@@ -3,7 +3,7 @@
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use serde_json::{Value, json};
 use tapline_host::colour::Colour;
 use tapline_host::messages::counted;
@@ -18,31 +18,47 @@ pub(crate) fn verify(paths: &[PathBuf], as_json: bool) -> Result<bool> {
     let archives = Archives::find(paths, Which::All)?;
     let mut progress = ArchiveProgress::new(&archives);
     let mut outcome = Outcome::new(&archives);
-    let mut hurt = 0;
+    let (mut incomplete, mut damaged) = (0, 0);
     for file in &archives.files {
         progress.begin(file);
-        let is_complete = outcome.take(file, check(&file.path, as_json, &mut progress))?;
-        hurt += usize::from(is_complete != Some(true));
+        match outcome.take(file, check(&file.path, as_json, &mut progress))? {
+            Some(Found::Complete) => {}
+            Some(Found::Incomplete) | None => incomplete += 1,
+            Some(Found::Damaged) => damaged += 1,
+        }
     }
     drop(progress);
-    outcome.note(hurt == 0 && archives.unfinished.is_empty());
+    outcome.note(incomplete == 0 && archives.unfinished.is_empty());
     if archives.is_many {
-        sum_up(&archives, hurt, as_json)?;
+        sum_up(&archives, incomplete, damaged, as_json)?;
     }
-    // An archive that cannot be read is incomplete, even if none can be read.
+    ensure!(damaged == 0, "{} altered or unreadable", counted(damaged, "archive is", "archives are"));
+    // An archive that cannot be opened is incomplete, even if none can be.
     Ok(outcome.end().unwrap_or(false))
 }
 
-fn sum_up(archives: &Archives, hurt: usize, as_json: bool) -> Result<()> {
+/// What an archive is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Found {
+    Complete,
+    /// A tap is missing or refused, a scan has no verdict, or it is not finished; what is there is as it was written.
+    Incomplete,
+    Damaged,
+}
+
+fn sum_up(archives: &Archives, incomplete: usize, damaged: usize, as_json: bool) -> Result<()> {
     let (count, unfinished) = (archives.files.len(), &archives.unfinished);
+    let complete = count - incomplete - damaged;
     let mut out = Stdout;
     if as_json {
         let text = json!({
             "kind": "summary",
             "archives": count,
-            "complete": count - hurt,
+            "complete": complete,
+            "incomplete": incomplete,
+            "damaged": damaged,
             "unfinished": unfinished.iter().map(|path| path.display().to_string()).collect::<Vec<_>>(),
-            "is_complete": hurt == 0 && unfinished.is_empty(),
+            "is_complete": complete == count && unfinished.is_empty(),
         });
         writeln!(out, "{text}")?;
         return Ok(());
@@ -55,18 +71,18 @@ fn sum_up(archives: &Archives, hurt: usize, as_json: bool) -> Result<()> {
         0 => String::new(),
         some => format!("; in addition, {} not finished", counted(some, "file is", "files are")),
     };
-    writeln!(out, "{archives}: {} complete, {hurt} not{besides}", count - hurt)?;
+    writeln!(out, "{archives}: {complete} complete, {incomplete} incomplete, {damaged} damaged{besides}")?;
     Ok(())
 }
 
 /// Checks an archive, and prints the report.
-fn check(archive: &Path, as_json: bool, progress: &mut ArchiveProgress) -> Result<bool> {
+fn check(archive: &Path, as_json: bool, progress: &mut ArchiveProgress) -> Result<Found> {
     let checked = tapline_store::verify_with(archive, |part| progress.note_part(part));
     progress.beside(|| print(archive, checked, as_json))
 }
 
-/// Prints what was found in an archive; whether it is complete.
-fn print(archive: &Path, checked: tapline_store::Result<Report>, as_json: bool) -> Result<bool> {
+/// Prints what was found in an archive.
+fn print(archive: &Path, checked: tapline_store::Result<Report>, as_json: bool) -> Result<Found> {
     let mut out = Stdout;
     let report = match checked {
         // It cannot be checked row by row.
@@ -83,18 +99,22 @@ fn print(archive: &Path, checked: tapline_store::Result<Report>, as_json: bool) 
                 true => writeln!(out, "{}", json_of(archive, None, &[error.to_string()]))?,
                 false => writeln!(out, "{error}\n{}: UNREADABLE", archive.display())?,
             }
-            return Ok(false);
+            return Ok(Found::Damaged);
         }
         report => report?,
     };
-    let is_complete = is_complete(&report);
+    let found = match (is_complete(&report), report.problems.is_empty()) {
+        (true, _) => Found::Complete,
+        (false, true) => Found::Incomplete,
+        (false, false) => Found::Damaged,
+    };
     let mut problems: Vec<String> = report.problems.iter().map(ToString::to_string).collect();
     if !report.is_finished {
         problems.push(Error::NotFinished { path: archive.to_owned() }.to_string());
     }
     if as_json {
         writeln!(out, "{}", json_of(archive, Some(&report), &problems))?;
-        return Ok(is_complete);
+        return Ok(found);
     }
     let count = |state| report.ledger.count(state);
     let [archived, refused, missing] = [TapState::Archived, TapState::Refused, TapState::Missing].map(count);
@@ -104,18 +124,18 @@ fn print(archive: &Path, checked: tapline_store::Result<Report>, as_json: bool) 
         writeln!(out, "{}{problem}", if is_named { String::new() } else { format!("{file}: ") })?;
     }
     let judged = if report.is_judged() { "all scans judged" } else { "scans without a verdict" };
-    let state = match (is_complete, report.problems.is_empty()) {
-        (true, _) => Colour::Good.on_stdout("complete"),
-        (false, true) if !report.is_finished => Colour::Bad.on_stdout("NOT FINISHED"),
-        (false, true) => Colour::Bad.on_stdout("INCOMPLETE"),
-        (false, false) => Colour::Bad.on_stdout("DAMAGED"),
+    let state = match found {
+        Found::Complete => Colour::Good.on_stdout("complete"),
+        Found::Incomplete if !report.is_finished => Colour::Doubtful.on_stdout("NOT FINISHED"),
+        Found::Incomplete => Colour::Doubtful.on_stdout("INCOMPLETE"),
+        Found::Damaged => Colour::Bad.on_stdout("DAMAGED"),
     };
     writeln!(
         out,
         "{file}: {state}: {archived} archived, {refused} refused, {missing} missing; {judged}; {}",
         counted(problems.len(), "problem", "problems")
     )?;
-    Ok(is_complete)
+    Ok(found)
 }
 
 /// As JSON; without a report if the archive cannot be read.
