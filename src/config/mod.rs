@@ -100,7 +100,12 @@ impl LineConfig {
         }
         self.mqtt.iter().try_for_each(MqttConfig::validate)?;
         self.opcua.iter().try_for_each(OpcUaConfig::validate)?;
-        self.modbus.iter().try_for_each(ModbusConfig::validate)
+        self.modbus.iter().try_for_each(ModbusConfig::validate)?;
+        if let (Some(opcua), Some(modbus)) = (&self.opcua, &self.modbus) {
+            let (address, other) = (modbus.listen, opcua.listen);
+            ensure!(address != other, "line.modbus.listen = \"{address}\": line.opcua.listen has the same address");
+        }
+        Ok(())
     }
 }
 

@@ -47,9 +47,12 @@ impl ReportConfig {
             });
             ensure!(fits, "report.{key} = {text:?}: must be from 1 to {TEXT_MAX} characters in one line, or left out");
         }
-        for (key, value) in [("tread_circumference_mm", self.tread_circumference_mm), ("a90_95_mm", self.a90_95_mm)] {
-            let fits = value.is_none_or(|value| (0.1..=1e5).contains(&value));
-            ensure!(fits, "report.{key} = {}: must be from 0.1 to 100000, or left out", value.unwrap_or_default());
+        for (key, value, least, most) in [
+            ("tread_circumference_mm", self.tread_circumference_mm, 500.0, 20_000.0),
+            ("a90_95_mm", self.a90_95_mm, 0.1, 1e4),
+        ] {
+            let fits = value.is_none_or(|value| (least..=most).contains(&value));
+            ensure!(fits, "report.{key} = {}: must be from {least} to {most}, or left out", value.unwrap_or_default());
         }
         ensure!(
             self.a90_95_mm.is_none() || self.a90_95_source.is_some(),
@@ -95,7 +98,7 @@ mod tests {
         for (text, named) in [
             ("plant = \"\"", "report.plant"),
             ("operator = \"a\\nb\"", "report.operator"),
-            ("tread_circumference_mm = 0.0", "report.tread_circumference_mm = 0: must be from 0.1"),
+            ("tread_circumference_mm = 0.0", "report.tread_circumference_mm = 0: must be from 500"),
             ("a90_95_mm = 12.0", "report.a90_95_source is left out"),
         ] {
             let error = parsed(text).unwrap_err();

@@ -166,6 +166,10 @@ mod tests {
             ),
             ("[line.modbus]\nlisten = \"0.0.0.0:502\"", ["line.modbus.listen", "0.0.0.0:502"]),
             ("[line.modbus]\nlisten = \"here\"", ["listen", "address"]),
+            (
+                "[line.opcua]\nlisten = \"127.0.0.1:4840\"\n[line.modbus]\nlisten = \"127.0.0.1:4840\"",
+                ["line.modbus.listen", "line.opcua.listen"],
+            ),
         ] {
             let said = refused(wrong);
             assert!(words.iter().all(|word| said.contains(word)), "{wrong}: {said}");

@@ -11,7 +11,7 @@ use jiff::{Timestamp, tz::TimeZone};
 use tapline_host::messages::counted;
 use tapline_host::signals::stop_flag;
 use tapline_host::table::{break_last_column, table};
-use tapline_wire::{Line, Role, StatusTopic, Subscriber, now_ns};
+use tapline_wire::{Line, Role, StatusTopic, Subscriber, Verdict, now_ns};
 
 use crate::cli::line::StatusArgs;
 use crate::line::out_folder::OutFolder;
@@ -144,15 +144,17 @@ fn text(status: &Status) -> String {
         text.push_str("\nLast verdicts:");
     }
     for verdict in &status.verdicts {
-        let shoulders: Vec<String> =
-            verdict.shoulders.iter().map(|s| format!("{}/{} {}", s.tyre, s.shoulder, s.verdict)).collect();
         text.push_str(&format!(
-            "\n  {}  {:<10} {}  {}",
+            "\n  {}  {:<10} {}, station {}",
             moment(verdict.at_ns),
             verdict.verdict.to_string(),
-            shoulders.join(", "),
-            verdict.file.display()
+            verdict.casing,
+            verdict.station
         ));
+        for shoulder in verdict.shoulders.iter().filter(|shoulder| shoulder.verdict != Verdict::Pass) {
+            let why = if shoulder.arcs.is_empty() { shoulder.why(", ", &["extrapolated"]) } else { shoulder.places() };
+            text.push_str(&format!("\n    {}/{} {}: {why}", shoulder.tyre, shoulder.shoulder, shoulder.verdict));
+        }
     }
     text
 }

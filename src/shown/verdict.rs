@@ -146,8 +146,10 @@ impl CasingVerdict {
                 "  strongest arc {arc:.2}, re-inspect from {re_inspect:.2}, reject from {reject:.2}"
             ));
         }
-        if let Some(at) = shoulder.peak_location {
-            line.push_str(&format!(", most at location {at}"));
+        if shoulder.arcs.is_empty() {
+            shoulder.peak_location.iter().for_each(|at| line.push_str(&format!(", most at location {at}")));
+        } else {
+            line.push_str(&format!(", damage at {}", shoulder.places()));
         }
         if !reasons.is_empty() {
             line.push_str(&format!("  ({reasons})"));
@@ -196,6 +198,15 @@ impl ShoulderVerdict {
             limit_re_inspect: known(judgement.limit_re_inspect),
             limit_reject: known(judgement.limit_reject),
         })
+    }
+
+    /// Where its regions lie, for people: from the first to the last location of each, in degrees if they are known.
+    pub(crate) fn places(&self) -> String {
+        let place = |arc: &DamageArc| match (arc.start_deg, arc.end_deg) {
+            (Some(start), Some(end)) => format!("{start:.0}° to {end:.0}°"),
+            _ => format!("locations {} to {}", arc.first_location, arc.last_location),
+        };
+        self.arcs.iter().map(place).collect::<Vec<_>>().join(", ")
     }
 
     /// The verdict in colour, and its name.

@@ -31,7 +31,7 @@ pub(crate) fn uplink(args: &UplinkArgs) -> Result<bool> {
         &until(args.once)?,
         || finished(&args.folder, &mut results),
         |sent| {
-            print(&sent.file, &args.folder.join(sent.file.below_site()), &sent.receipt, args.json);
+            print(("delivered", "to"), &sent.file, &args.folder.join(sent.file.below_site()), &sent.receipt, args.json);
         },
     )?;
     let Standing { files, at_centre } = standing;
@@ -64,7 +64,7 @@ pub(crate) fn collect(args: &CollectArgs) -> Result<bool> {
     let mut count = 0;
     let is_fine = tapline_uplink::collect(&server, &collector, &until(args.once)?, |collected| {
         count += usize::from(collected.receipt.fate == Fate::Received);
-        print(&collected.file, &collected.path, &collected.receipt, args.json);
+        print(("received", "by"), &collected.file, &collected.path, &collected.receipt, args.json);
     })?;
     say(&format!("{} taken from the bucket {}", counted(count, "file was", "files were"), args.server.bucket));
     Ok(!args.once || is_fine)
@@ -95,7 +95,8 @@ fn check(path: &Path) -> Result<Option<String>> {
     Ok(report.problems.first().map(ToString::to_string).or_else(unfinished))
 }
 
-fn print(file: &CasingFile, path: &Path, receipt: &Receipt, as_json: bool) {
+/// Prints what became of a file: it was `done`, `whom` the collector.
+fn print((done, whom): (&str, &str), file: &CasingFile, path: &Path, receipt: &Receipt, as_json: bool) {
     let (is_received, why) = match &receipt.fate {
         Fate::Received => (true, None),
         Fate::Refused(why) => (false, Some(why)),
@@ -106,7 +107,7 @@ fn print(file: &CasingFile, path: &Path, receipt: &Receipt, as_json: bool) {
             "digest": receipt.digest, "collector": receipt.collector, "why": why,
         })
         .to_string(),
-        (false, None) => format!("received {}: {} bytes, by {}", path.display(), receipt.bytes, receipt.collector),
+        (false, None) => format!("{done} {}: {} bytes, {whom} {}", path.display(), receipt.bytes, receipt.collector),
         (false, Some(why)) => format!("REFUSED {}: {why}", path.display()),
     };
     // Nobody may read it any more; what became of the file does not depend on it.

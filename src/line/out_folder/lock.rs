@@ -41,9 +41,16 @@ pub(super) fn check_lock(lock: &File, path: &Path) -> Result<()> {
     let stat = rustix::fs::fstat(lock).with_context(|| format!("cannot look at {}", name.display()))?;
     let is_file = FileType::from_raw_mode(stat.st_mode) == FileType::RegularFile;
     let is_ours = stat.st_uid == rustix::process::geteuid().as_raw();
+    if is_file && !is_ours && stat.st_nlink <= 1 && stat.st_mode & 0o077 == 0 {
+        bail!(
+            "{} is from a line of another user (number {}): give this command as that user",
+            name.display(),
+            stat.st_uid
+        );
+    }
     ensure!(
         is_file && is_ours && stat.st_nlink <= 1 && stat.st_mode & 0o077 == 0,
-        "{} was not made by a line of yours (user {}, mode {:03o}, {} names): check it, and remove it if no line runs there",
+        "{} was not made by a line of yours (user {}, mode {:03o}, links {}): check it, and remove it if no line runs there",
         name.display(),
         stat.st_uid,
         stat.st_mode & 0o777,

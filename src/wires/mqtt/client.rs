@@ -14,7 +14,7 @@ use tokio::task::JoinHandle;
 use tokio::time::timeout;
 
 /// A broker that has not heard from a client for 1.5 times this long publishes its last will, in seconds.
-const KEEP_ALIVE_S: u16 = 5;
+const KEEP_ALIVE_S: u16 = 4;
 
 /// How long it may take to connect.
 const CONNECT_WITHIN: Duration = Duration::from_secs(5);

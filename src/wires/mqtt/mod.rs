@@ -15,7 +15,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context as _, Error, Result};
+use anyhow::{Context as _, Error, Result, ensure};
 use tapline_host::connection::User;
 use tapline_host::messages::with_causes;
 use tokio::task::LocalSet;
@@ -51,11 +51,18 @@ pub(super) fn check(config: &MqttConfig) -> Result<()> {
     client(config).map(drop)
 }
 
+/// The beginning of a certificate.
+const PEM: &[u8] = b"-----BEGIN CERTIFICATE-----";
+
 /// What is needed to connect.
 fn client(config: &MqttConfig) -> Result<Client> {
     let (host, port) = config.host_and_port()?;
     let read = |path: &std::path::PathBuf| {
-        fs::read(path).with_context(|| format!("line.mqtt.ca_file = \"{}\": cannot read it", path.display()))
+        let key = || format!("line.mqtt.ca_file = \"{}\"", path.display());
+        let text = fs::read(path).with_context(|| format!("{}: cannot read it", key()))?;
+        let is_certificate = text.windows(PEM.len()).any(|part| part == PEM);
+        ensure!(is_certificate, "{}: it has no certificate in PEM: a line {}", key(), String::from_utf8_lossy(PEM));
+        Ok(text)
     };
     let user = config.credentials_file.as_deref().map(User::read).transpose();
     Ok(Client {
