@@ -106,21 +106,22 @@ fn a_damaged_file_among_many_is_named_and_the_others_are_done() {
     let sandbox = scanned();
     damage(&sandbox.path("out/SIM-0002.h5"));
     let with_one_damaged = |arguments: &str| {
-        let done = sandbox.run(arguments).expect(3);
+        // What was altered is what `verify` looks for; others do what they can.
+        let done = sandbox.run(arguments).expect(if arguments.starts_with("verify") { 1 } else { 3 });
         assert!(format!("{}{}", done.out, done.err).contains("out/SIM-0002.h5"), "{arguments}: {done:?}");
         done
     };
     assert_eq!(csv_rows(&with_one_damaged("export out verdicts").out).len(), 4);
     let verified = with_one_damaged("verify out").out;
     assert!(verified.contains("out/SIM-0002.h5: UNREADABLE\n"), "{verified}");
-    assert!(verified.ends_with("3 archives: 2 complete, 1 not\n"));
+    assert!(verified.ends_with("3 archives: 2 complete, 0 incomplete, 1 damaged\n"));
     let last = with_one_damaged("verify out --json").out.lines().last().unwrap().to_owned();
     assert!(last.contains("\"complete\":2") && last.contains("\"is_complete\":false"), "{last}");
     // Nor is an empty file passed over: an archive that a copy never reached.
     fs::write(sandbox.path("empty.h5"), "").unwrap();
     let of_two = sandbox.run("verify nowhere.h5 out/SIM-0001.h5").expect(3);
     assert!(of_two.err.contains("nowhere.h5: ") && of_two.out.contains("SIM-0001.h5: complete"), "{of_two:?}");
-    let empty = sandbox.run("verify empty.h5 --json").expect(3).out;
+    let empty = sandbox.run("verify empty.h5 --json").expect(1).out;
     assert!(empty.contains("empty.h5 is not an HDF5 file\"") && empty.contains("\"is_complete\":false"), "{empty}");
     with_one_damaged("report out --out pages");
     assert_eq!(names(&sandbox.path("pages")), ["shift.html", "tyre-SIM-0001.html", "tyre-SIM-0003.html"]);
@@ -142,7 +143,7 @@ fn a_damaged_file_among_many_is_named_and_the_others_are_done() {
     let mut bytes = fs::read(&path).unwrap();
     bytes.pop();
     fs::write(&path, bytes).unwrap();
-    let said = sandbox.run("verify out/SIM-0003.h5").expect(3).out;
+    let said = sandbox.run("verify out/SIM-0003.h5").expect(1).out;
     assert!(said.contains("its end was changed") && said.contains("; 1 problem\n"), "{said}");
     // The verb fails if it is the only file.
     sandbox.run("export out/SIM-0002.h5 verdicts").expect(1);
@@ -230,9 +231,9 @@ fn a_replaced_archive_is_noticed() {
     sandbox.write("bands.toml", "[process]\nf_c_hz = 600.0\n");
     sandbox.run("reprocess out/SIM-0001.h5 --config bands.toml").expect(0);
     fs::copy(sandbox.path("out/SIM-0002.h5"), sandbox.path("out/SIM-0001.h5")).unwrap();
-    let checked = sandbox.run("verify out --json").expect(3);
+    let checked = sandbox.run("verify out --json").expect(1);
     assert_eq!(checked.out.lines().filter(|line| line.contains("\"archive\":")).count(), 4, "{checked:?}");
-    assert!(checked.out.contains("has results of the taps") && checked.err.is_empty(), "{checked:?}");
+    assert!(checked.out.contains("has results of the taps"), "{checked:?}");
     let refused = sandbox.run("reference out --shoulder SIM-0002/1 --out r.json").expect(1).err;
     let words =
         "out/SIM-0002.h5: another of the archives has --shoulder SIM-0002/1 too: name only the file that is meant";
