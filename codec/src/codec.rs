@@ -3,9 +3,13 @@
 
 use std::ffi::CStr;
 use std::fmt;
+use std::io::{Read as _, Write as _};
 use std::ops::Range;
 
 use blosc_src::{BLOSC_BITSHUFFLE, BLOSC_MAX_OVERHEAD, blosc_compress_ctx, blosc_decompress_ctx};
+use flate2::Compression;
+use flate2::read::ZlibDecoder;
+use flate2::write::ZlibEncoder;
 use serde::{Deserialize, Serialize};
 
 use crate::blosc::{self, Chunk};
@@ -42,7 +46,7 @@ impl Codec {
         Self::ALL.into_iter().find(|codec| codec.name() == name)
     }
 
-    /// Whether a running line can use it: only the HDF5 library packs with the others, one record after another.
+    /// Whether a running line can use it: Deflate is too slow.
     pub fn is_for_lines(self) -> bool {
         matches!(self, Self::None | Self::Lz4 | Self::Zstd)
     }
@@ -74,7 +78,7 @@ impl fmt::Display for Codec {
 }
 
 /// Packs `samples` of `element_bytes` each into `packed`, whose old contents are lost, in the format of the filter of `codec`;
-/// the same input gives the same bytes. If the codec is not Blosc, the samples are copied. `planes` is a buffer for reuse.
+/// the same input gives the same bytes. Without a codec, the samples are copied. `planes` is a buffer for reuse.
 ///
 /// # Panics
 /// If Blosc needs more than its documented maximum of bytes, which is a bug.
@@ -82,7 +86,16 @@ pub fn pack(codec: Codec, element_bytes: usize, samples: &[u8], planes: &mut Vec
     match codec {
         Codec::Lz4 => blosc::pack(element_bytes, samples, planes, packed),
         Codec::Zstd => pack_by_library((c"zstd", codec.level()), element_bytes, ZSTD_BLOCK_BYTES, samples, packed),
-        Codec::None | Codec::Gzip => {
+        Codec::Gzip => {
+            // All first bytes, then all second ones.
+            planes.clear();
+            planes.extend((0..element_bytes).flat_map(|byte| samples.iter().skip(byte).step_by(element_bytes)));
+            packed.clear();
+            let mut encoder = ZlibEncoder::new(packed, Compression::new(codec.level().into()));
+            let written = encoder.write_all(planes).and_then(|()| encoder.finish().map(drop));
+            written.expect("a vector takes all that is written");
+        }
+        Codec::None => {
             packed.clear();
             packed.extend_from_slice(samples);
         }
@@ -133,7 +146,7 @@ fn pack_by_library(
 
 /// Unpacks `parts` of the samples, in ascending order, from `packed`, which [`pack`] or the filter of `codec` packed;
 /// bytes around them may be unpacked too. They go to their offsets in `samples`, which holds all samples. Returns false
-/// if `packed` is corrupt or its samples are not as long as `samples`. `planes` is a buffer for reuse.
+/// if `packed` is corrupt, is Deflate ([`unpack_gzip`]), or its samples are not as long as `samples`. `planes` is a buffer for reuse.
 #[must_use]
 pub fn unpack(
     codec: Codec,
@@ -143,7 +156,7 @@ pub fn unpack(
     planes: &mut Vec<u8>,
 ) -> bool {
     if codec.blosc().is_none() {
-        let is_valid = packed.len() == samples.len();
+        let is_valid = codec == Codec::None && packed.len() == samples.len();
         if is_valid {
             parts.into_iter().for_each(|part| samples[part.clone()].copy_from_slice(&packed[part]));
         }
@@ -156,6 +169,22 @@ pub fn unpack(
         return false;
     }
     unpack_by_library(packed, samples)
+}
+
+/// Unpacks samples of `element_bytes` each, which [`Codec::Gzip`] packed as `packed`; as [`unpack`], but all of them.
+#[must_use]
+pub fn unpack_gzip(element_bytes: usize, packed: &[u8], samples: &mut [u8], planes: &mut Vec<u8>) -> bool {
+    planes.clear();
+    // One byte more would show that there are too many.
+    let unpacked = ZlibDecoder::new(packed).take(samples.len() as u64 + 1).read_to_end(planes);
+    let is_valid = unpacked.is_ok_and(|count| count == samples.len());
+    if is_valid {
+        let count = samples.len() / element_bytes;
+        for (place, byte) in planes.iter().enumerate() {
+            samples[place % count * element_bytes + place / count] = *byte;
+        }
+    }
+    is_valid
 }
 
 /// Unpacks a chunk that [is Blosc](is_blosc_of) of the length of `samples`.
@@ -182,7 +211,11 @@ mod tests {
     /// All samples, unpacked by [`unpack`].
     fn unpacked(codec: Codec, packed: &[u8], length: usize) -> Option<Vec<u8>> {
         let mut samples = vec![7; length];
-        unpack(codec, packed, std::iter::once(0..length), &mut samples, &mut Vec::new()).then_some(samples)
+        let is_valid = match codec {
+            Codec::Gzip => unpack_gzip(2, packed, &mut samples, &mut Vec::new()),
+            _ => unpack(codec, packed, std::iter::once(0..length), &mut samples, &mut Vec::new()),
+        };
+        is_valid.then_some(samples)
     }
 
     /// All samples, unpacked by the C library.
@@ -234,6 +267,8 @@ mod tests {
                 let by_library = codec.blosc().map(|_| unpacked_by_library(&there, whole));
                 prop_assert!(by_library.is_none_or(|back| back.as_ref() == Some(&samples)), "{codec}, by the library");
             }
+            let (there, mut back) = (packed(Codec::Gzip, element_bytes, &samples), vec![7; whole]);
+            prop_assert!(unpack_gzip(element_bytes, &there, &mut back, &mut Vec::new()) && back == samples);
             for (compressor, level) in [(c"lz4", 5), (c"lz4", 0), (c"lz4hc", 9), (c"blosclz", 5), (c"zstd", 1)] {
                 let mut there = Vec::new();
                 pack_by_library((compressor, level), element_bytes, block_bytes, &samples, &mut there);
@@ -268,7 +303,7 @@ mod tests {
         #[test]
         fn damaged_bytes_do_no_harm(at in 0_usize..100_000, flip in 1_u8.., cut in 0_usize..20_000, head in any::<[u8; 16]>()) {
             let samples: Vec<u8> = (0..20_000_u32).map(|k| (k / 50) as u8).collect();
-            for codec in [Codec::Lz4, Codec::Zstd] {
+            for codec in [Codec::Lz4, Codec::Zstd, Codec::Gzip] {
                 let mut there = packed(codec, 2, &samples);
                 let length = there.len();
                 there[at % length] ^= flip;

@@ -2,7 +2,7 @@
 //!
 //! [`pack`] writes chunks of Blosc 1 with shuffled bits, so every reader of HDF5 that has filter 32001 unpacks them. LZ4 of
 //! 16-bit samples is packed by this crate, which is faster than the C library (`docs/codec.md` has the figures); the C library
-//! packs Zstandard, and is the oracle of the tests.
+//! packs Zstandard, and is the oracle of the tests; Deflate is flate2's.
 //!
 //! - `codec`: which codecs there are, and [`pack`] and [`unpack`] for each
 //! - `blosc`: the container: a [`Head`] with a checksum of each block, and the blocks
@@ -31,4 +31,4 @@ mod planes;
 
 pub use blosc::{Head, RECORD_BYTES_MAX};
 pub use checksum::{chunk_checksum, head_of, is_chunk_valid};
-pub use codec::{Codec, pack, placeholder, unpack};
+pub use codec::{Codec, pack, placeholder, unpack, unpack_gzip};

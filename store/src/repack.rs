@@ -5,15 +5,12 @@ use std::fs;
 use std::path::Path;
 
 use tapline_codec::Codec;
-use tapline_codec::chunk_checksum;
-use tapline_wire::{SampleFormat, TapState};
 
 use crate::archive::create::create;
 use crate::archive::{Access, Archive};
 use crate::error::{Context, Error, Result};
 use crate::file::draft::{self, remove_dead_drafts};
 use crate::format::checksum::ChecksummedRow;
-use crate::format::layout::HeaderRow;
 use crate::format::lineage::Lineage;
 use crate::h5::table::Table;
 use crate::read::reader::Reader;
@@ -135,46 +132,11 @@ fn copy_taps(reader: &Reader, new: &Archive, mut on_part: impl FnMut(f64)) -> Re
                     format!("the samples of plan row {row} are not those that were recorded: their digest differs");
                 return Err(reader.archive.damaged(what));
             }
-            match rows.codec() {
-                Codec::None | Codec::Lz4 | Codec::Zstd => {
-                    rows.write(row, packed.stored(record)).context("write samples", &new.path)?;
-                    header.stored_checksum = packed.stored_checksum;
-                }
-                Codec::Gzip => write_by_library(new, row, packed.stored(record))?,
-            }
+            rows.write(row, packed.stored(record)).context("write samples", &new.path)?;
+            header.stored_checksum = packed.stored_checksum;
             Ok(())
         })?;
     }
-    if rows.codec() == Codec::Gzip {
-        checksum_stored(new, reader.ledger().taps(), &mut headers)?;
-    }
     new.headers.write_all(&headers).context("write the headers", &new.path)?;
     Ok(sample_bytes)
-}
-
-/// Writes `row`, unpacked, through the library, which packs it.
-fn write_by_library(new: &Archive, row: u32, samples: &[u8]) -> Result<()> {
-    let rows = &new.samples;
-    let written = match new.plan.recording.sample_format {
-        SampleFormat::I16 => rows.write_unpacked::<i16>(row, samples),
-        SampleFormat::F32 => rows.write_unpacked::<f32>(row, samples),
-    };
-    written.context("write samples", &new.path)
-}
-
-/// Sets the checksums of the archived taps' chunks, which the library packed, in `headers`.
-fn checksum_stored(new: &Archive, states: &[TapState], headers: &mut [HeaderRow]) -> Result<()> {
-    new.flush().context("write samples", &new.path)?;
-    let file = fs::File::open(&new.path).context("read back", &new.path)?;
-    let locations = new.samples.locations(&file).context("find samples", &new.path)?;
-    let mut stored = Vec::new();
-    for (row, ((state, location), header)) in states.iter().zip(locations).zip(headers).enumerate() {
-        if *state == TapState::Archived {
-            let location =
-                location.ok_or_else(|| new.damaged(format!("the samples of plan row {row} have no location")))?;
-            location.read(&file, &mut stored).context("read back", &new.path)?;
-            header.stored_checksum = chunk_checksum(Codec::Gzip, &stored);
-        }
-    }
-    Ok(())
 }

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use arbitrary::Arbitrary;
 use libfuzzer_sys::fuzz_target;
-use tapline_codec::{Codec, chunk_checksum, is_chunk_valid, pack, unpack};
+use tapline_codec::{Codec, chunk_checksum, is_chunk_valid, pack, unpack, unpack_gzip};
 
 /// What the fuzzer chooses.
 #[derive(Debug, Arbitrary)]
@@ -41,7 +41,11 @@ fuzz_target!(|case: Case| {
     let unpacked = |chunk: &[u8], part: Range<usize>| {
         // Exactly as long as they must be, so that an access beyond is detected.
         let (chunk, mut back) = (chunk.to_vec().into_boxed_slice(), vec![7; samples.len()].into_boxed_slice());
-        unpack(codec, &chunk, std::iter::once(part), &mut back, &mut Vec::new()).then_some(back)
+        let is_valid = match codec {
+            Codec::Gzip => unpack_gzip(element_bytes, &chunk, &mut back, &mut Vec::new()),
+            _ => unpack(codec, &chunk, std::iter::once(part), &mut back, &mut Vec::new()),
+        };
+        is_valid.then_some(back)
     };
     let all = 0..samples.len();
     assert!(is_chunk_valid(codec, &packed, checksum));

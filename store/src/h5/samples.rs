@@ -3,12 +3,11 @@
 
 use std::fs::File;
 
-use hdf5::{Dataset, Error, H5Type, sync::sync};
+use hdf5::{Dataset, Error, sync::sync};
 use hdf5_sys::h5::{haddr_t, hsize_t};
 use hdf5_sys::h5d::{H5Dget_chunk_info_by_coord, H5Dwrite_chunk};
 use hdf5_sys::h5o::{H5O_INFO_BASIC, H5O_info1_t, H5Oget_info2};
 use hdf5_sys::h5p::H5P_DEFAULT;
-use ndarray::{ArrayView2, s};
 use tapline_codec::Codec;
 
 use crate::h5::chunk_index::{Chunk, chunks};
@@ -65,14 +64,6 @@ impl ChunkRows {
         })
     }
 
-    /// Writes row `row` of samples `T` through the library, which packs it.
-    pub(crate) fn write_unpacked<T: H5Type + bytemuck::Pod>(&self, row: u32, samples: &[u8]) -> hdf5::Result<()> {
-        let samples: Vec<T> = samples.chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect();
-        let &[_, channels, count] = self.dataset.shape().as_slice() else { return Err("a row has no shape".into()) };
-        let samples = ArrayView2::from_shape((channels, count), &samples).map_err(|error| error.to_string())?;
-        self.dataset.write_slice(samples, s![row as usize, .., ..])
-    }
-
     /// The location of every row, as [`ChunkRows::location`] finds one, in `file`, which nobody may write meanwhile.
     pub(crate) fn locations(&self, file: &File) -> hdf5::Result<Vec<Option<ChunkLocation>>> {
         match self.index(file) {
@@ -102,9 +93,8 @@ impl ChunkRows {
 
     /// `location`, if its chunk went through the filters that this crate undoes.
     fn known(&self, location: ChunkLocation, mask: u32) -> Option<ChunkLocation> {
-        // The library skips a filter that gains nothing, notes that in `mask`, and heeds it when it reads.
-        let is_known = mask == 0 || self.codec == Codec::Gzip;
-        Some(location).filter(|location| location.address != haddr_t::MAX && is_known)
+        // The library skips a filter that gains nothing, and notes that in `mask`.
+        Some(location).filter(|location| location.address != haddr_t::MAX && mask == 0)
     }
 
     /// The location of row `row`; `None` if it was never written, or by another filter.

@@ -6,9 +6,7 @@ use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
-use hdf5::H5Type;
-use ndarray::s;
-use tapline_codec::{Codec, head_of, is_chunk_valid, unpack};
+use tapline_codec::{Codec, head_of, is_chunk_valid, unpack, unpack_gzip};
 use tapline_wire::{CacheLine, Plan, SampleFormat, Samples, TapHeader, TapState, bytes_of_mut, cache_lines_for};
 
 use crate::archive::Archive;
@@ -135,14 +133,12 @@ impl SampleFile {
     ) -> Result<Samples<'r>> {
         buffer.resize(cache_lines_for(self.rows.row_bytes()), CacheLine::default());
         let unpacked = &mut bytes_of_mut(buffer)[..self.rows.row_bytes()];
-        match self.rows.codec() {
-            Codec::None | Codec::Lz4 | Codec::Zstd => {
-                let parts = parts(header, unpacked.len());
-                if !unpack(self.rows.codec(), stored, parts, unpacked, planes) {
-                    return Err(self.damaged(header, "cannot be unpacked"));
-                }
-            }
-            Codec::Gzip => self.read_by_library(header, unpacked)?,
+        let is_valid = match (self.rows.codec(), SampleFormat::from_code(header.sample_format)) {
+            (Codec::Gzip, Some(format)) => unpack_gzip(format.bytes(), stored, unpacked, planes),
+            (codec, _) => unpack(codec, stored, parts(header, unpacked.len()), unpacked, planes),
+        };
+        if !is_valid {
+            return Err(self.damaged(header, "cannot be unpacked"));
         }
         unpadded(unpacked, header.channel_count as usize, header.payload_bytes() / header.channel_count as usize);
         Samples::view(header, buffer).ok_or_else(|| self.damaged(header, "are not as many as their header says"))
@@ -151,23 +147,6 @@ impl SampleFile {
     fn damaged(&self, header: &TapHeader, what: &str) -> Error {
         let what = format!("plan row {}: its samples {what}", header.plan_index);
         Error::Damaged { path: self.path.clone(), what }
-    }
-
-    fn read_by_library(&self, header: &TapHeader, unpacked: &mut [u8]) -> Result<()> {
-        let row = header.plan_index;
-        match SampleFormat::from_code(header.sample_format) {
-            Some(SampleFormat::F32) => self.read_as::<f32>(row, unpacked),
-            _ => self.read_as::<i16>(row, unpacked),
-        }
-    }
-
-    fn read_as<T: H5Type + bytemuck::Pod>(&self, row: u32, unpacked: &mut [u8]) -> Result<()> {
-        let samples = self.rows.dataset().read_slice_2d::<T, _>(s![row as usize, .., ..]);
-        let samples = samples.context("unpack samples", &self.path)?;
-        for (to, sample) in unpacked.chunks_exact_mut(size_of::<T>()).zip(&samples) {
-            to.copy_from_slice(bytemuck::bytes_of(sample));
-        }
-        Ok(())
     }
 }
 
@@ -180,8 +159,7 @@ fn parts(header: &TapHeader, row_bytes: usize) -> impl Iterator<Item = Range<usi
     (0..count).map(move |channel| channel * stride..channel * stride + length)
 }
 
-/// The taps of an archive, for several threads: their locations are looked up once, and reading takes no lock. Only samples that
-/// are packed with Deflate are unpacked by the HDF5 library, one record after another.
+/// The taps of an archive, for several threads: their locations are looked up once, and reading takes no lock.
 #[derive(Debug)]
 pub struct Taps {
     file: SampleFile,

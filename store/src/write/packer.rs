@@ -123,8 +123,9 @@ pub(crate) fn pack<E>(
     records: &[(Shape, &[u8])],
     take: impl FnMut(usize, &Packed) -> Result<(), E>,
 ) -> Result<PackBuffers, E> {
-    // Zstandard takes ten times as long for the same bytes.
-    let work = |&(shape, samples): &(Shape, &[u8])| samples.len() * if shape.codec == Codec::Zstd { 10 } else { 1 };
+    // Zstandard and Deflate take at least ten times as long for the same bytes.
+    let is_slow = |codec| matches!(codec, Codec::Zstd | Codec::Gzip);
+    let work = |&(shape, samples): &(Shape, &[u8])| samples.len() * if is_slow(shape.codec) { 10 } else { 1 };
     let is_much = records.len() > 1 && records.iter().map(work).sum::<usize>() >= HELPED_BYTES;
     pack_on(if is_much { helpers() } else { None }, records, take)
 }
@@ -218,7 +219,7 @@ impl Shape {
     fn pack(&self, samples: &[u8], buffer: &mut Packed) {
         buffer.samples_digest = digest_of(samples);
         let padded = padded(samples, self.channel_count, self.row_bytes, &mut buffer.padded);
-        buffer.is_as_given = self.codec.blosc().is_none() && padded.len() == samples.len();
+        buffer.is_as_given = self.codec == Codec::None && padded.len() == samples.len();
         if !buffer.is_as_given {
             pack_by_codec(self.codec, self.element_bytes, padded, &mut buffer.planes, &mut buffer.bytes);
         }
