@@ -58,3 +58,4 @@ pub use tap_set::scan_toml::SAMPLE_RATE_HZ_MAX;
 pub use tap_set::table::{Row as TableRow, read_rows, separator as table_separator};
 pub use tap_set::taps_csv::{TEXT_COLUMNS, TapRow, tap_columns, tap_rows};
 pub use tap_set::watched_folder::FolderArrivals;
+pub use tap_set::wav::{WavKind, WavLayout, read_wav_layout};

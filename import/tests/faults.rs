@@ -209,10 +209,10 @@ fn a_recording_that_cannot_be_read_is_refused_in_the_set() {
     let imported = case.import().unwrap();
     assert_eq!(imported.written, 2);
     let [one, two] = imported.refused.as_slice() else { panic!("{imported:?}") };
-    assert!(one.contains("A_1_1.wav: is not WAV: it does not start with RIFF and WAVE"), "{one}");
+    assert!(one.contains("A_1_1.wav: not a WAV file: it does not start with RIFF and WAVE"), "{one}");
     assert!(two.contains("A_1_2.wav: the sample rate is 44100 Hz; in what was read before it is 40960 Hz"), "{two}");
     let list = fs::read_to_string(case.path("set/taps.csv")).unwrap();
-    assert!(list.lines().nth(2).unwrap().contains("is not WAV"), "{list}");
+    assert!(list.lines().nth(2).unwrap().contains("not a WAV file"), "{list}");
     case_again(&case);
 }
 

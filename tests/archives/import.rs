@@ -152,7 +152,8 @@ fn the_example_works_as_printed() {
     fs::remove_dir_all(sandbox.path("start/recordings-set")).unwrap();
     let done = import(&sandbox, "start/recordings", blocks[0]).expect(3);
     assert!(
-        done.err.starts_with("refused: ") && done.err.contains("A-17_1_003.wav: it ends within its header"),
+        done.err.starts_with("refused: ")
+            && done.err.contains("A-17_1_003.wav: not a WAV file: it ends at byte 4, within its header"),
         "{done:?}"
     );
     let said = "start/recordings-set: 99 taps written, 1 refused; taps.csv lists them with the reason\n";

@@ -13,7 +13,7 @@ pub(crate) mod table;
 pub(crate) mod taps_csv;
 mod truth_csv;
 pub(crate) mod watched_folder;
-mod wav;
+pub(crate) mod wav;
 
 use std::ffi::OsStr;
 use std::io::{Read, Seek};

@@ -18,7 +18,33 @@ const CHUNKS_MAX: usize = 256;
 /// Last twelve bytes of the two supported sub-formats of an extensible header, whose samples are not compressed.
 const SUB_FORMAT_TAIL: [u8; 12] = [0, 0, 0x10, 0, 0x80, 0, 0, 0xaa, 0, 0x38, 0x9b, 0x71];
 
-/// The header of a WAV file; the file was checked to be as long as its header says.
+/// What the numbers of a WAV file are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum WavKind {
+    /// Whole numbers; those of 8 bits are counted from -128 on.
+    Integer,
+    /// Floating point.
+    Float,
+}
+
+/// Where the samples of a WAV file are, and what they are; the file was checked to be as long as its header says.
+#[derive(Debug, Clone, Copy)]
+pub struct WavLayout {
+    /// What its numbers are.
+    pub kind: WavKind,
+    /// Bits of a sample, whole bytes.
+    pub bits: u16,
+    /// Number of channels, whose samples lie side by side.
+    pub channel_count: u16,
+    /// Samples of a channel per second.
+    pub sample_rate_hz: u32,
+    /// Samples of one channel.
+    pub sample_count: u32,
+    /// Offset of the samples in the file.
+    pub data_at: u64,
+}
+
+/// The header of a recording of a tap set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct WavHeader {
     pub format: SampleFormat,
@@ -33,7 +59,7 @@ pub(crate) struct WavHeader {
 
 /// Why a recording cannot be used.
 #[derive(Debug, thiserror::Error)]
-pub(crate) enum WavFault {
+pub enum WavFault {
     /// The list of taps says why there is no recording.
     #[error("{0}")]
     Refused(String),
@@ -47,8 +73,8 @@ pub(crate) enum WavFault {
     NotWav(&'static str),
     #[error("not a WAV file: it ends at byte {file_bytes}, within its header")]
     HeaderCut { file_bytes: u64 },
-    #[error("{bits}-bit {kind} samples are not supported; 16-bit integer and 32-bit float are")]
-    Unsupported { bits: u16, kind: String },
+    #[error("{bits}-bit {kind} samples are not supported; {known} are")]
+    Unsupported { bits: u16, kind: String, known: &'static str },
     #[error(
         "the header gives {block_bytes} bytes to a sample of all {channel_count} channels; {bits} bits need {need}"
     )]
@@ -101,8 +127,29 @@ pub(crate) fn open(path: &Path) -> Result<(File, u64), WavFault> {
     Ok((file, file_bytes))
 }
 
-/// Reads the header of a WAV file of `file_bytes` bytes.
-pub(crate) fn read_header<R: Read + Seek>(mut file: R, file_bytes: u64) -> Result<WavHeader, WavFault> {
+/// Reads the header of a recording of a tap set, a WAV file of `file_bytes` bytes.
+pub(crate) fn read_header<R: Read + Seek>(file: R, file_bytes: u64) -> Result<WavHeader, WavFault> {
+    let readable = (&[(WavKind::Integer, 16), (WavKind::Float, 32)][..], "16-bit integer and 32-bit float");
+    let WavLayout { kind, channel_count, sample_rate_hz, sample_count, data_at, .. } =
+        read_wav_layout(file, file_bytes, readable)?;
+    if u64::from(sample_count) > SAMPLE_COUNT_MAX {
+        return Err(WavFault::TooLong { got: sample_count.into() });
+    }
+    let format = if kind == WavKind::Integer { SampleFormat::I16 } else { SampleFormat::F32 };
+    let data_bytes = sample_count as usize * usize::from(channel_count) * format.bytes();
+    Ok(WavHeader { format, channel_count, sample_rate_hz, sample_count, data_at, data_bytes })
+}
+
+/// Reads the header of a WAV file of `file_bytes` bytes, whose samples must be of one of the kinds and bits that are `readable`;
+/// their list in words is for the error.
+///
+/// # Errors
+/// Why it cannot be read.
+pub fn read_wav_layout<R: Read + Seek>(
+    mut file: R,
+    file_bytes: u64,
+    readable: (&[(WavKind, u16)], &'static str),
+) -> Result<WavLayout, WavFault> {
     if file_bytes == 0 {
         return Err(WavFault::NotWav("it is empty"));
     }
@@ -113,19 +160,19 @@ pub(crate) fn read_header<R: Read + Seek>(mut file: R, file_bytes: u64) -> Resul
         (b"RF64" | b"RIFX", _) => return Err(WavFault::NotWav("RF64 and RIFX are not read, only RIFF")),
         _ => return Err(WavFault::NotWav("it does not start with RIFF and WAVE")),
     }
-    let mut layout = None;
+    let mut format = None;
     for _ in 0..CHUNKS_MAX {
         let [k0, k1, k2, k3, length @ ..]: [u8; 8] = take(&mut file, &mut at, file_bytes)?;
         let chunk_bytes = u64::from(u32::from_le_bytes(length));
         match &[k0, k1, k2, k3] {
             b"fmt " => {
                 let start = at;
-                layout = Some(Layout::read(&mut file, &mut at, file_bytes, chunk_bytes)?);
+                format = Some(read_format(&mut file, &mut at, file_bytes, chunk_bytes, readable)?);
                 at = start;
             }
             b"data" => {
-                let layout = layout.ok_or(WavFault::NotWav("its samples come before their format"))?;
-                return layout.header(at, chunk_bytes, file_bytes);
+                let format = format.ok_or(WavFault::NotWav("its samples come before their format"))?;
+                return with_samples(format, at, chunk_bytes, file_bytes);
             }
             _ => {}
         }
@@ -149,59 +196,52 @@ fn take<R: Read, const N: usize>(file: &mut R, at: &mut u64, file_bytes: u64) ->
     Ok(bytes)
 }
 
-/// The layout of the samples in the file.
-struct Layout {
-    format: SampleFormat,
-    channel_count: u16,
-    sample_rate_hz: u32,
+/// The format chunk: a layout without samples.
+fn read_format<R: Read>(
+    file: &mut R,
+    at: &mut u64,
+    file_bytes: u64,
+    chunk_bytes: u64,
+    (readable, known): (&[(WavKind, u16)], &'static str),
+) -> Result<WavLayout, WavFault> {
+    if chunk_bytes < 16 {
+        return Err(WavFault::NotWav("its format chunk has less than 16 bytes"));
+    }
+    let b: [u8; 16] = take(file, at, file_bytes)?;
+    let word = |i: usize| u16::from_le_bytes([b[i], b[i + 1]]);
+    let (mut tag, channel_count, block_bytes, bits) = (word(0), word(2), word(12), word(14));
+    let mut is_known = true;
+    if tag == 0xfffe && chunk_bytes >= 40 {
+        let extension: [u8; 24] = take(file, at, file_bytes)?;
+        tag = u16::from_le_bytes([extension[8], extension[9]]);
+        is_known = extension[10..12] == [0, 0] && extension[12..] == SUB_FORMAT_TAIL;
+    }
+    let kind = if tag == 1 { WavKind::Integer } else { WavKind::Float };
+    if !is_known || ![1, 3].contains(&tag) || !readable.contains(&(kind, bits)) {
+        return Err(WavFault::Unsupported { bits, kind: kind_name(tag, is_known), known });
+    }
+    if channel_count == 0 {
+        return Err(WavFault::NotWav("it has no channels"));
+    }
+    let need = u32::from(channel_count) * u32::from(bits / 8);
+    if u32::from(block_bytes) != need {
+        return Err(WavFault::Block { block_bytes, channel_count, bits, need });
+    }
+    let sample_rate_hz = u32::from_le_bytes([b[4], b[5], b[6], b[7]]);
+    Ok(WavLayout { kind, bits, channel_count, sample_rate_hz, sample_count: 0, data_at: 0 })
 }
 
-impl Layout {
-    fn read<R: Read>(file: &mut R, at: &mut u64, file_bytes: u64, chunk_bytes: u64) -> Result<Self, WavFault> {
-        if chunk_bytes < 16 {
-            return Err(WavFault::NotWav("its format chunk has less than 16 bytes"));
-        }
-        let b: [u8; 16] = take(file, at, file_bytes)?;
-        let word = |i: usize| u16::from_le_bytes([b[i], b[i + 1]]);
-        let (mut tag, channel_count, block_bytes, bits) = (word(0), word(2), word(12), word(14));
-        let mut is_known = true;
-        if tag == 0xfffe && chunk_bytes >= 40 {
-            let extension: [u8; 24] = take(file, at, file_bytes)?;
-            tag = u16::from_le_bytes([extension[8], extension[9]]);
-            is_known = extension[10..12] == [0, 0] && extension[12..] == SUB_FORMAT_TAIL;
-        }
-        let format = match (tag, bits) {
-            (1, 16) if is_known => SampleFormat::I16,
-            (3, 32) if is_known => SampleFormat::F32,
-            _ => return Err(WavFault::Unsupported { bits, kind: kind_name(tag, is_known) }),
-        };
-        if channel_count == 0 {
-            return Err(WavFault::NotWav("it has no channels"));
-        }
-        let need = u32::from(channel_count) * u32::from(bits / 8);
-        if u32::from(block_bytes) != need {
-            return Err(WavFault::Block { block_bytes, channel_count, bits, need });
-        }
-        Ok(Self { format, channel_count, sample_rate_hz: u32::from_le_bytes([b[4], b[5], b[6], b[7]]) })
-    }
-
-    fn header(&self, data_at: u64, data_bytes: u64, file_bytes: u64) -> Result<WavHeader, WavFault> {
-        let frame_bytes = u64::from(self.channel_count) * self.format.bytes() as u64;
-        let got_bytes = file_bytes.saturating_sub(data_at);
-        let got = data_bytes / frame_bytes;
-        match () {
-            () if data_bytes == 0 => Err(WavFault::Empty),
-            () if got_bytes < data_bytes => Err(WavFault::Truncated { promised_bytes: data_bytes, got_bytes }),
-            () if !data_bytes.is_multiple_of(frame_bytes) => Err(WavFault::Ragged { data_bytes, frame_bytes }),
-            () if got > SAMPLE_COUNT_MAX => Err(WavFault::TooLong { got }),
-            () => Ok(WavHeader {
-                format: self.format,
-                channel_count: self.channel_count,
-                sample_rate_hz: self.sample_rate_hz,
-                sample_count: u32::try_from(got).map_err(|_overflow| WavFault::TooLong { got })?,
-                data_at,
-                data_bytes: usize::try_from(data_bytes).map_err(|_overflow| WavFault::TooLong { got })?,
-            }),
+/// The layout of a file whose samples begin at `data_at`.
+fn with_samples(format: WavLayout, data_at: u64, data_bytes: u64, file_bytes: u64) -> Result<WavLayout, WavFault> {
+    let frame_bytes = u64::from(format.channel_count) * u64::from(format.bits / 8);
+    let (got_bytes, got) = (file_bytes.saturating_sub(data_at), data_bytes / frame_bytes);
+    match () {
+        () if data_bytes == 0 => Err(WavFault::Empty),
+        () if got_bytes < data_bytes => Err(WavFault::Truncated { promised_bytes: data_bytes, got_bytes }),
+        () if !data_bytes.is_multiple_of(frame_bytes) => Err(WavFault::Ragged { data_bytes, frame_bytes }),
+        () => {
+            let sample_count = u32::try_from(got).map_err(|_overflow| WavFault::TooLong { got })?;
+            Ok(WavLayout { sample_count, data_at, ..format })
         }
     }
 }

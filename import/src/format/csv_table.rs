@@ -51,10 +51,6 @@ fn fault_of(error: csv::Error) -> Fault {
 }
 
 impl Recorded for CsvTable {
-    fn parts(&self, _depth: usize) -> Result<Vec<String>, Fault> {
-        Ok(Vec::new())
-    }
-
     fn series(&mut self, part: &str, channel: &Pick, _time_axis: Option<u8>) -> Result<Series, Fault> {
         no_parts(part, "CSV")?;
         let place = channel.find(self.names.iter().map(String::as_str))?;

@@ -58,8 +58,10 @@ fn place_of<'a>(name: &str, names: impl Iterator<Item = &'a str> + Clone) -> Opt
 
 /// A file of recordings, opened.
 pub(crate) trait Recorded {
-    /// Names of the parts at `depth` below the file, joined by '/': groups, datasets, variables.
-    fn parts(&self, depth: usize) -> Result<Vec<String>, Fault>;
+    /// Names of the parts at `depth` below the file, joined by '/': groups, datasets, variables. Some files have none.
+    fn parts(&self, _depth: usize) -> Result<Vec<String>, Fault> {
+        Ok(Vec::new())
+    }
 
     /// The samples of a channel of the file, or of its part `part`.
     fn series(&mut self, part: &str, channel: &Pick, time_axis: Option<u8>) -> Result<Series, Fault>;
