@@ -40,7 +40,7 @@ pub use capture::{
     CaptureConfig, Crossing, DeviceName, Monitor, MonitoredTap, NotTaps, Trigger, TriggerConfig, UldaqConfig,
 };
 pub use config::calibration::{CALIBRATION_FILE, CalibrationFile, ChannelScale};
-pub use config::text::{toml_fault, toml_in_words};
+pub use config::text::{read_text, read_toml, toml_in_words};
 pub use config::{AcquireConfig, ScanConfig, TyreConfig};
 pub use error::Error;
 pub use rig::{RigArrivals, RigConfig, RigReport, RigScript, last_on_rig, serve_rig};
@@ -55,7 +55,7 @@ pub use tap_set::TapSet;
 pub use tap_set::extras::Extras as TapExtras;
 pub use tap_set::listed::{TapSetList, listed_tap_set};
 pub use tap_set::scan_toml::SAMPLE_RATE_HZ_MAX;
-pub use tap_set::table::{Row as TableRow, read_rows, separator as table_separator};
+pub use tap_set::table::{Row as TableRow, read_rows};
 pub use tap_set::taps_csv::{TEXT_COLUMNS, TapRow, tap_columns, tap_rows};
 pub use tap_set::watched_folder::FolderArrivals;
 pub use tap_set::wav::{WavKind, WavLayout, read_wav_layout};

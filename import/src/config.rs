@@ -1,19 +1,15 @@
 //! `import.toml`: what recordings do not say about themselves.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
-use tapline_acquire::{SAMPLE_RATE_HZ_MAX, TriggerConfig, toml_fault};
+use tapline_acquire::{SAMPLE_RATE_HZ_MAX, TriggerConfig, read_toml};
 use tapline_wire::{Channel, Geometry, Unit};
 
 use crate::error::{Error, Result};
 use crate::format::Pick;
-
-/// Largest configuration.
-const BYTES_MAX: u64 = 1 << 20;
 
 /// Where the channels of a tap are, and what its samples mean.
 #[derive(Debug, Deserialize)]
@@ -82,11 +78,7 @@ pub(crate) struct TapPlan {
 impl Config {
     /// Reads `path`.
     pub(crate) fn read(path: &Path) -> Result<Self> {
-        let text = text_of(path, BYTES_MAX)?;
-        let mut config: Self = toml::from_str(&text).map_err(|error| {
-            let (line, reason) = toml_fault(&text, &error);
-            Error::Text { file: path.to_owned(), line, reason }
-        })?;
+        let mut config: Self = read_toml(path)?;
         path.clone_into(&mut config.path);
         config.check().map_err(|reason| config.refuse(reason))?;
         Ok(config)
@@ -201,16 +193,4 @@ fn in_bounds(key: &str, value: Option<f64>, bounds: RangeInclusive<f64>) -> Resu
         }
         _ => Ok(()),
     }
-}
-
-/// The text of a file of at most `most` bytes.
-pub(crate) fn text_of(path: &Path, most: u64) -> Result<String> {
-    let unreadable = |source| Error::Unreadable { file: path.to_owned(), source };
-    let about = fs::metadata(path).map_err(unreadable)?;
-    if !about.is_file() || about.len() > most {
-        let what = format!("it must be a file of at most {most} bytes; it has {}", about.len());
-        return Err(unreadable(std::io::Error::other(what)));
-    }
-    let text = fs::read_to_string(path).map_err(unreadable)?;
-    Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
 }

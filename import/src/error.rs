@@ -7,9 +7,6 @@ use std::path::PathBuf;
 #[expect(missing_docs, reason = "the message of a variant says what its fields are")]
 #[non_exhaustive]
 pub enum Error {
-    /// A file cannot be read at all.
-    #[error("{}: cannot be read: {source}", file.display())]
-    Unreadable { file: PathBuf, source: std::io::Error },
     /// The example cannot be written.
     #[error("{}: cannot be written: {reason}", file.display())]
     Unwritable { file: PathBuf, reason: String },
@@ -23,9 +20,9 @@ pub enum Error {
     /// The tap set cannot be written.
     #[error(transparent)]
     Export(#[from] tapline_export::Error),
-    /// What was written is no tap set.
-    #[error("the tap set: {0}")]
-    TapSet(#[from] tapline_acquire::Error),
+    /// A text cannot be read, or what was written is no tap set.
+    #[error(transparent)]
+    Acquire(#[from] tapline_acquire::Error),
 }
 
 /// The beginning of a sentence about all of the taps.

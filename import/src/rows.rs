@@ -3,10 +3,10 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Component, Path, PathBuf};
 
-use tapline_acquire::{TEXT_COLUMNS, TapRow, table_separator, tap_columns, tap_rows};
+use tapline_acquire::{TEXT_COLUMNS, TapRow, read_rows, read_text, tap_columns, tap_rows};
 use tapline_wire::csv_cell;
 
-use crate::config::{Config, TAPS_MAX, TapPlan, text_of};
+use crate::config::{Config, TAPS_MAX, TapPlan};
 use crate::error::{Error, Result, some_of};
 use crate::format::{is_recording, open};
 use crate::name::{Cells, Pattern};
@@ -14,9 +14,6 @@ use crate::name::{Cells, Pattern};
 /// Columns that every tap must have, and those that may be empty.
 const NEEDED: [&str; 3] = ["tyre", "shoulder", "location"];
 const USUAL: [&str; 4] = ["offset_mm", "velocity_m_per_s", "angle_deg", "repetition"];
-
-/// Largest table of taps.
-const TABLE_BYTES_MAX: u64 = 1 << 30;
 
 /// A file, or a part of it, and the taps in it.
 #[derive(Debug)]
@@ -159,35 +156,17 @@ impl List {
     }
 
     fn add_by_table(&mut self, files: &[PathBuf], config: &Config, table: &Path) -> Result<()> {
-        let text = text_of(table, TABLE_BYTES_MAX)?;
-        let refuse = |line: Option<u64>, reason: String| {
-            let line = line.and_then(|line| usize::try_from(line).ok());
-            Error::Text { file: table.to_owned(), line, reason }
-        };
+        let text = read_text(table)?;
+        let refuse = |line: Option<usize>, reason: String| Error::Text { file: table.to_owned(), line, reason };
         // The table may be a CSV among the recordings.
         let is_table =
             |file: &PathBuf| file.canonicalize().ok().is_some_and(|file| Some(file) == table.canonicalize().ok());
         let files: Vec<&PathBuf> = files.iter().filter(|file| !is_table(file)).collect();
-        let separator = table_separator(&text);
-        let mut reader =
-            csv::ReaderBuilder::new().delimiter(separator).trim(csv::Trim::All).from_reader(text.as_bytes());
-        let syntax = |error: csv::Error| refuse(error.position().map(csv::Position::line), error.to_string());
-        let header = reader.headers().map_err(syntax)?.clone();
-        let known = [&["part"], &tap_columns()[..]].concat();
-        if let Some(column) = header.iter().find(|column| !known.contains(column)) {
-            let known = known.join(",");
-            let reason = format!("unknown column {column:?}; the columns are {known}, in any order");
-            return Err(refuse(header.position().map(csv::Position::line), reason));
-        }
+        let (columns, texts) = ([&["part"], &tap_columns()[..]].concat(), [&["part"], &TEXT_COLUMNS[..]].concat());
         let mut used = BTreeSet::new();
-        for record in reader.records() {
-            let record = record.map_err(syntax)?;
-            let line = record.position().map(csv::Position::line);
-            let cell = |(column, text): (&str, &str)| {
-                let has_comma = separator == b';' && column != "part" && !TEXT_COLUMNS.contains(&column);
-                (column.to_owned(), if has_comma { text.replace(',', ".") } else { text.to_owned() })
-            };
-            let mut cells: Cells = header.iter().zip(&record).map(cell).collect();
+        read_rows(table, &text, (&[], &columns), |row| -> Result<()> {
+            let line = Some(row.line());
+            let mut cells: Cells = row.cells(&texts).map(|(column, cell)| (column.to_owned(), cell)).collect();
             let part = cells.remove("part").unwrap_or_default();
             let name = tapline_wire::csv_text(&cells.remove("file").unwrap_or_default()).to_owned();
             // A list of an export names taps without a recording too.
@@ -216,7 +195,7 @@ impl List {
                     ));
                 }
             };
-            let from = (table.to_owned(), line.and_then(|line| usize::try_from(line).ok()));
+            let from = (table.to_owned(), line);
             if file.as_os_str().is_empty() {
                 // Each is a record of its own.
                 self.records.push((PathBuf::new(), String::new()));
@@ -224,7 +203,8 @@ impl List {
             } else {
                 self.add(file, part, &cells, from, config)?;
             }
-        }
+            Ok(())
+        })?;
         let forgotten = (0..files.len()).find(|place| !used.contains(place));
         match forgotten.map(|place| files[place]) {
             Some(file) => Err(refuse(None, format!("has no row for {}", file.display()))),

@@ -10,7 +10,7 @@ use tapline_wire::{Calibration, Certificate, Channel, ChannelCalibration, METHOD
 
 use crate::Error;
 use crate::config::refuse;
-use crate::config::text;
+use crate::config::text::read_toml;
 
 /// Name of the file in a tap set.
 pub const CALIBRATION_FILE: &str = "calibration.toml";
@@ -48,8 +48,7 @@ impl CalibrationFile {
     /// # Errors
     /// [`Error::Unreadable`], [`Error::Syntax`], or [`Error::Setting`] for the first value out of its bounds.
     pub fn read(path: &Path) -> Result<Self, Error> {
-        let text = text::read(path)?.ok_or_else(|| text::missing(path))?;
-        let file: Self = text::toml(path, &text)?;
+        let file: Self = read_toml(path)?;
         file.validate(&path.display().to_string())?;
         Ok(file)
     }

@@ -13,6 +13,23 @@ const TEXT_BYTES_MAX: u64 = 1 << 30;
 /// The byte-order mark.
 const MARK: char = '\u{feff}';
 
+/// The text of `file`.
+///
+/// # Errors
+/// [`Error::Unreadable`] and [`Error::NotText`].
+pub fn read_text(file: &Path) -> Result<String, Error> {
+    let missing = || std::io::Error::new(std::io::ErrorKind::NotFound, "there is no such file");
+    read(file)?.ok_or_else(|| Error::Unreadable { file: file.to_owned(), source: missing() })
+}
+
+/// Reads the TOML file `file`.
+///
+/// # Errors
+/// [`Error::Unreadable`], [`Error::NotText`] and [`Error::Syntax`].
+pub fn read_toml<T: DeserializeOwned>(file: &Path) -> Result<T, Error> {
+    toml(file, &read_text(file)?)
+}
+
 /// The text of `file`; `None` if there is no such file.
 pub(crate) fn read(file: &Path) -> Result<Option<String>, Error> {
     let unreadable = |source| Error::Unreadable { file: file.to_owned(), source };
@@ -50,22 +67,19 @@ const SHOWN_MAX: usize = 80;
 
 /// Parses the TOML `text` of `file`.
 pub(crate) fn toml<T: DeserializeOwned>(file: &Path, text: &str) -> Result<T, Error> {
-    toml::from_str(text).map_err(|error| {
-        let (line, reason) = toml_fault(text, &error);
-        Error::Syntax { file: file.to_owned(), line, reason }
-    })
+    toml::from_str(text).map_err(|error| syntax(file, text, &error))
 }
 
-/// The line of the `error` in the TOML `text`, and what is wrong there. The faulty line is shown, because it names the key; a missing key
-/// has no line.
-pub fn toml_fault(text: &str, error: &toml::de::Error) -> (Option<usize>, String) {
+/// The `error` in the TOML `text` of `file`. The faulty line is shown, because it names the key; a missing key has no line.
+fn syntax(file: &Path, text: &str, error: &toml::de::Error) -> Error {
     let line = error.span().filter(|at| at.end > 0).map(|at| line_at(text, at.start));
     let written = line.and_then(|line| text.lines().nth(line - 1)).map_or_else(String::new, |written| {
         format!("`{}`: ", written.trim().chars().take(SHOWN_MAX).collect::<String>())
     });
     let reason = format!("{written}{}", toml_in_words(error.message()).replace('\n', ", "));
     // A terminal would obey the file's control codes.
-    (line, reason.chars().map(|c| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c }).collect())
+    let reason = reason.chars().map(|c| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c }).collect();
+    Error::Syntax { file: file.to_owned(), line, reason }
 }
 
 /// Plain words for the types that an error expects.
@@ -99,12 +113,6 @@ pub fn toml_in_words(error: &str) -> String {
 /// Number of the line with byte `at` of `text`, from 1.
 pub(crate) fn line_at(text: &str, at: usize) -> usize {
     1 + text.bytes().take(at).filter(|&b| b == b'\n').count()
-}
-
-/// The error that `file` is missing.
-pub(crate) fn missing(file: &Path) -> Error {
-    let source = std::io::Error::new(std::io::ErrorKind::NotFound, "there is no such file");
-    Error::Unreadable { file: file.to_owned(), source }
 }
 
 #[cfg(test)]

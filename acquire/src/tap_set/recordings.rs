@@ -44,12 +44,11 @@ impl Recordings {
     /// # Errors
     /// [`Error`] if a table is missing or wrong, or if no recording can be used.
     pub(crate) fn open(dir: &Path) -> Result<Self, Error> {
-        let need = |file: &Path| text::read(file)?.ok_or_else(|| text::missing(file));
         let scan_file = dir.join("scan.toml");
-        let scan_text = need(&scan_file)?;
+        let scan_text = text::read_text(&scan_file)?;
         let scan = scan_toml::parse(&scan_file, &scan_text)?;
         let taps_file = dir.join("taps.csv");
-        let taps = taps_csv::parse(&taps_file, &need(&taps_file)?, scan.geometry)?;
+        let taps = taps_csv::parse(&taps_file, &text::read_text(&taps_file)?, scan.geometry)?;
         let scales = Scales::read(dir, &scan, &taps_file, &taps)?;
         let truth_file = dir.join("truth.csv");
         let truth = text::read(&truth_file)?.map_or(Ok(Truth::new()), |text| truth_csv::parse(&truth_file, &text))?;

@@ -35,7 +35,7 @@ pub struct Row<'a> {
 pub fn read_rows<E: From<Error>>(
     file: &Path,
     text: &str,
-    (columns, optional): (&'static [&'static str], &'static [&'static str]),
+    (columns, optional): (&[&'static str], &[&'static str]),
     mut take: impl FnMut(&Row<'_>) -> Result<(), E>,
 ) -> Result<(), E> {
     let separator = separator(text);
@@ -61,7 +61,7 @@ pub fn read_rows<E: From<Error>>(
 }
 
 /// The separator of the cells of the table `text`: that of its header.
-pub fn separator(text: &str) -> u8 {
+fn separator(text: &str) -> u8 {
     let header = text.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
     [b',', b';', b'\t'].into_iter().find(|&separator| header.as_bytes().contains(&separator)).unwrap_or(b',')
 }
@@ -69,7 +69,7 @@ pub fn separator(text: &str) -> u8 {
 impl<'a> Table<'a> {
     fn new(
         (file, separator): (&'a Path, u8),
-        (columns, optional): (&'static [&'static str], &'static [&'static str]),
+        (columns, optional): (&[&'static str], &[&'static str]),
         header: &StringRecord,
         line: usize,
     ) -> Result<Self, Error> {
@@ -120,6 +120,19 @@ impl<'a> Row<'a> {
         place.and_then(|&(_, place)| self.record.get(place)).unwrap_or("")
     }
 
+    /// The cells of the columns that the table has, numbers with a decimal point; `texts` are columns without numbers.
+    pub fn cells(&self, texts: &[&str]) -> impl Iterator<Item = (&'static str, String)> {
+        self.table.places.iter().map(|&(column, _)| {
+            let cell = self.text(column);
+            (column, if texts.contains(&column) { cell.to_owned() } else { self.plain(cell) })
+        })
+    }
+
+    /// The number `cell` with a decimal point.
+    fn plain(&self, cell: &str) -> String {
+        if self.table.separator == b';' { cell.replace(',', ".") } else { cell.to_owned() }
+    }
+
     /// An error that refuses the value in `column`.
     pub fn refuse(&self, column: &'static str, bound: impl Into<String>) -> Error {
         Error::Cell {
@@ -157,10 +170,7 @@ impl<'a> Row<'a> {
         if text.is_empty() {
             return Ok(None);
         }
-        let number: Option<f64> = match self.table.separator {
-            b';' => text.replace(',', ".").parse().ok(),
-            _ => text.parse().ok(),
-        };
+        let number: Option<f64> = self.plain(text).parse().ok();
         number.filter(|&n| (n > low || is_low_in && n >= low) && n <= high).map(Some).ok_or_else(|| {
             let from = if is_low_in { format!("from {low} to") } else { format!("above {low} and at most") };
             self.refuse(column, format!("a number {from} {high}, or empty when unknown"))
