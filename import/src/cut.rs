@@ -1,10 +1,11 @@
 //! Continuous records, cut into taps by the trigger of live capture.
 
 use tapline_acquire::Trigger;
+use tapline_store::OwnedSamples;
 
 use crate::config::Cut;
 use crate::error::Fault;
-use crate::series::{Series, Stored};
+use crate::series::{Series, count_of, cut as part_of, to_floats};
 
 /// The taps of a record, each `before` samples before its trigger and as long as `cut` says; a tap at an end of the record may lack
 /// some.
@@ -17,10 +18,11 @@ pub(crate) fn cut(
     sample_rate_hz: f64,
     before: u32,
     planned: usize,
-) -> Result<Vec<Result<Vec<Stored>, Fault>>, Fault> {
+) -> Result<Vec<Result<Vec<OwnedSamples>, Fault>>, Fault> {
     let Some(trigger_series) = series.get(channel) else { return Err(Fault::Empty) };
-    let mut values = trigger_series.samples.to_floats();
-    if matches!(trigger_series.samples, Stored::F32(_)) && trigger_series.full_scale.to_bits() == 1_f64.to_bits() {
+    let mut values = to_floats(&trigger_series.samples);
+    if matches!(trigger_series.samples, OwnedSamples::F32(_)) && trigger_series.full_scale.to_bits() == 1_f64.to_bits()
+    {
         // Floats may have any unit.
         let largest =
             values.iter().fold(0_f32, |largest, value| if value.abs() > largest { value.abs() } else { largest });
@@ -45,15 +47,15 @@ pub(crate) fn cut(
     let sample_count = cut.sample_count as usize;
     let piece = |at: u64| {
         let from = usize::try_from(at).ok().and_then(|at| at.checked_sub(before as usize));
-        let cut_at = |series: &Series| from.and_then(|from| series.samples.cut(from, sample_count));
-        let channels: Option<Vec<Stored>> = series.iter().map(cut_at).collect();
+        let cut_at = |series: &Series| from.and_then(|from| part_of(&series.samples, from, sample_count));
+        let channels: Option<Vec<OwnedSamples>> = series.iter().map(cut_at).collect();
         channels.ok_or_else(|| Fault::Contradiction {
             what: "the sample of a trigger",
             value: at.to_string(),
             bound: format!(
                 "{before} samples must come before it, and {} from it on, in a record of {}",
                 sample_count.saturating_sub(before as usize),
-                trigger_series.samples.len()
+                count_of(&trigger_series.samples)
             ),
         })
     };

@@ -26,7 +26,7 @@ use crate::config::{Config, TAP_SAMPLES_MAX};
 use crate::error::{Fault, broken};
 use crate::format::Recorded;
 use crate::rows::Record;
-use crate::series::{Series, Stored, planes};
+use crate::series::{Series, count_of, planes, to_floats};
 
 pub use error::{Error, Result};
 pub use example::write_example;
@@ -78,7 +78,7 @@ pub fn import(
 
 /// The channels of one tap, and what is known of them.
 struct Tap {
-    channels: Vec<Stored>,
+    channels: Vec<OwnedSamples>,
     scales: Scales,
 }
 
@@ -107,7 +107,7 @@ fn read<'a>(
     for (channel, pick) in config.channels() {
         all.push((channel, file.series(&record.part, pick, config.time_axis)?));
     }
-    let lengths: Vec<usize> = all.iter().map(|(_, series)| series.samples.len()).collect();
+    let lengths: Vec<usize> = all.iter().map(|(_, series)| count_of(&series.samples)).collect();
     if lengths.iter().any(|length| Some(length) != lengths.first()) {
         let bound = format!("the channels of a tap must be equally long; they have {lengths:?}");
         return Err(Fault::Contradiction { what: "the number of samples", value: "not the same".to_owned(), bound });
@@ -256,7 +256,7 @@ impl<'a> Set<'a> {
 
     /// The samples of a tap in the format of the set.
     fn planes(&mut self, tap: &Tap) -> Result<OwnedSamples, Fault> {
-        let sample_count = tap.channels.first().map_or(0, Stored::len);
+        let sample_count = tap.channels.first().map_or(0, count_of);
         let before = self.alike.pre_trigger_samples.unwrap_or(0);
         if sample_count as u64 > TAP_SAMPLES_MAX {
             return Err(Fault::TooMany { samples: sample_count as u64, most: TAP_SAMPLES_MAX });
@@ -273,9 +273,7 @@ impl<'a> Set<'a> {
                 value: "floats or wide integers".to_owned(),
                 bound: "those before are integers of 16 bits, and a tap set has one kind: import them apart".to_owned(),
             }),
-            (true, OwnedSamples::I16(_)) => {
-                Ok(OwnedSamples::F32(tap.channels.iter().flat_map(Stored::to_floats).collect()))
-            }
+            (true, OwnedSamples::I16(_)) => Ok(OwnedSamples::F32(tap.channels.iter().flat_map(to_floats).collect())),
             (_, planes) => Ok(planes),
         }
     }

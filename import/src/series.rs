@@ -8,9 +8,10 @@ use crate::error::Fault;
 pub(crate) const SAMPLES_MAX: u64 = 1 << 28;
 
 /// Samples of one channel, and what their file says of them.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(crate) struct Series {
-    pub samples: Stored,
+    /// 16-bit counts, or floats; integers of another width are floats from -1 to 1.
+    pub samples: OwnedSamples,
     /// What a full-scale sample is in the file's unit: 1 for floats, 2^(bits - 1) for integers.
     pub full_scale: f64,
     pub sample_rate_hz: Option<f64>,
@@ -19,61 +20,47 @@ pub(crate) struct Series {
     pub unit: Option<String>,
 }
 
-/// Samples as a tap set stores them: 16-bit counts, or floats; integers of another width are floats from -1 to 1.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Stored {
-    I16(Vec<i16>),
-    F32(Vec<f32>),
-}
-
-impl Default for Stored {
-    fn default() -> Self {
-        Self::F32(Vec::new())
+/// How many `samples` there are.
+pub(crate) fn count_of(samples: &OwnedSamples) -> usize {
+    match samples {
+        OwnedSamples::I16(samples) => samples.len(),
+        OwnedSamples::F32(samples) => samples.len(),
     }
 }
 
-impl Stored {
-    pub(crate) fn len(&self) -> usize {
-        match self {
-            Self::I16(samples) => samples.len(),
-            Self::F32(samples) => samples.len(),
-        }
+/// `samples` as floats: counts as fractions of a full-scale sample, which a float holds exactly.
+pub(crate) fn to_floats(samples: &OwnedSamples) -> Vec<f32> {
+    match samples {
+        OwnedSamples::I16(samples) => samples.iter().map(|&count| f32::from(count) / 32_768.0).collect(),
+        OwnedSamples::F32(samples) => samples.clone(),
     }
+}
 
-    /// The samples as floats: counts as fractions of a full-scale sample, which a float holds exactly.
-    pub(crate) fn to_floats(&self) -> Vec<f32> {
-        match self {
-            Self::I16(samples) => samples.iter().map(|&count| f32::from(count) / 32_768.0).collect(),
-            Self::F32(samples) => samples.clone(),
-        }
-    }
-
-    /// `count` samples from sample `from` on; `None` if there are not so many.
-    pub(crate) fn cut(&self, from: usize, count: usize) -> Option<Self> {
-        let range = from..from.checked_add(count)?;
-        Some(match self {
-            Self::I16(samples) => Self::I16(samples.get(range)?.to_vec()),
-            Self::F32(samples) => Self::F32(samples.get(range)?.to_vec()),
-        })
-    }
+/// `count` of `samples` from sample `from` on; `None` if there are not so many.
+pub(crate) fn cut(samples: &OwnedSamples, from: usize, count: usize) -> Option<OwnedSamples> {
+    let range = from..from.checked_add(count)?;
+    Some(match samples {
+        OwnedSamples::I16(samples) => OwnedSamples::I16(samples.get(range)?.to_vec()),
+        OwnedSamples::F32(samples) => OwnedSamples::F32(samples.get(range)?.to_vec()),
+    })
 }
 
 /// The channels of a tap, planar; counts if all of them are counts.
-pub(crate) fn planes(channels: &[Stored]) -> OwnedSamples {
+pub(crate) fn planes(channels: &[OwnedSamples]) -> OwnedSamples {
     let counts = channels.iter().map(|samples| match samples {
-        Stored::I16(counts) => Some(counts.as_slice()),
-        Stored::F32(_) => None,
+        OwnedSamples::I16(counts) => Some(counts.as_slice()),
+        OwnedSamples::F32(_) => None,
     });
     match counts.collect::<Option<Vec<_>>>() {
         Some(counts) => OwnedSamples::I16(counts.concat()),
-        None => OwnedSamples::F32(channels.iter().flat_map(Stored::to_floats).collect()),
+        None => OwnedSamples::F32(channels.iter().flat_map(to_floats).collect()),
     }
 }
 
 impl Series {
     /// A series of only `samples`.
-    fn of(samples: Stored, full_scale: f64) -> Self {
-        Self { samples, full_scale, ..Self::default() }
+    fn of(samples: OwnedSamples, full_scale: f64) -> Self {
+        Self { samples, full_scale, sample_rate_hz: None, pre_trigger_samples: None, unit: None }
     }
 
     /// Integers of `bits` bits. A float holds those of 24 bits exactly, and of wider ones the first 24 bits.
@@ -81,7 +68,7 @@ impl Series {
         let full_scale = (f64::from(bits) - 1.0).exp2();
         if bits == 16 {
             let count = |integer: i64| i16::try_from(integer).unwrap_or(if integer < 0 { i16::MIN } else { i16::MAX });
-            return Self::of(Stored::I16(integers.into_iter().map(count).collect()), full_scale);
+            return Self::of(OwnedSamples::I16(integers.into_iter().map(count).collect()), full_scale);
         }
         #[expect(
             clippy::cast_possible_truncation,
@@ -89,14 +76,14 @@ impl Series {
             reason = "as exact as the float that is stored"
         )]
         let float = |integer: i64| (integer as f64 / full_scale) as f32;
-        Self::of(Stored::F32(integers.into_iter().map(float).collect()), full_scale)
+        Self::of(OwnedSamples::F32(integers.into_iter().map(float).collect()), full_scale)
     }
 
     pub(crate) fn of_floats(floats: Vec<f32>) -> Result<Self, Fault> {
         if let Some(at) = floats.iter().position(|value| !value.is_finite()) {
             return Err(Fault::NotFinite { sample: at, value: floats[at].to_string() });
         }
-        Ok(Self::of(Stored::F32(floats), 1.0))
+        Ok(Self::of(OwnedSamples::F32(floats), 1.0))
     }
 
     /// Doubles, rounded to floats.
@@ -107,7 +94,7 @@ impl Series {
             if float.is_finite() { Ok(float) } else { Err(Fault::NotFinite { sample, value: value.to_string() }) }
         };
         let floats = doubles.iter().enumerate().map(float).collect::<Result<_, _>>()?;
-        Ok(Self::of(Stored::F32(floats), 1.0))
+        Ok(Self::of(OwnedSamples::F32(floats), 1.0))
     }
 }
 
@@ -128,11 +115,11 @@ mod tests {
     #[test]
     fn integers_are_kept() {
         let all = [-32_768, -1, 0, 1, 32_767];
-        assert_eq!(Series::of_integers(all, 16).samples, Stored::I16(vec![i16::MIN, -1, 0, 1, i16::MAX]));
+        assert_eq!(Series::of_integers(all, 16).samples, OwnedSamples::I16(vec![i16::MIN, -1, 0, 1, i16::MAX]));
         let wide = [-8_388_608, -8_388_607, -1, 0, 1, 8_388_607];
-        let Stored::F32(stored) = Series::of_integers(wide, 24).samples else { panic!("counts of 24 bits") };
+        let OwnedSamples::F32(stored) = Series::of_integers(wide, 24).samples else { panic!("counts of 24 bits") };
         assert_eq!(stored.iter().map(|&s| (f64::from(s) * 8_388_608.0) as i64).collect::<Vec<_>>(), wide);
-        let mixed = planes(&[Stored::I16(vec![-32_768, 1]), Stored::F32(vec![0.5, 2.0])]);
+        let mixed = planes(&[OwnedSamples::I16(vec![-32_768, 1]), OwnedSamples::F32(vec![0.5, 2.0])]);
         assert_eq!(mixed, OwnedSamples::F32(vec![-1.0, 1.0 / 32_768.0, 0.5, 2.0]));
     }
 

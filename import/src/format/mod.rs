@@ -1,5 +1,6 @@
 //! The formats of recordings, each in one file: what channels a file has, and their samples.
 
+mod bytes;
 mod csv_table;
 mod hdf5_file;
 mod mat5;

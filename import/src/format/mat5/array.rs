@@ -1,7 +1,7 @@
 //! The arrays of a MATLAB file: numbers, texts, and structures of such.
 
 use crate::error::{Fault, broken};
-use crate::format::mat5::elements::Elements;
+use crate::format::bytes::Bytes;
 use crate::format::mat5::numbers::Numbers;
 
 /// Deepest structure within structures.
@@ -42,11 +42,11 @@ pub(super) fn class_name(class: u8) -> &'static str {
 
 impl Array {
     /// The name and the contents of an array.
-    pub(super) fn parse(bytes: &[u8], is_big_endian: bool, depth: usize) -> Result<(String, Self), Fault> {
-        let mut elements = Elements { bytes, is_big_endian };
+    pub(super) fn parse(left: &[u8], is_big_endian: bool, depth: usize) -> Result<(String, Self), Fault> {
+        let mut elements = Bytes { left, is_big_endian };
         let flags = elements.words(4, "flags")?.first().copied().unwrap_or(0);
         let shape: Vec<u64> = elements.words(AXES_MAX, "axes")?.into_iter().map(u64::from).collect();
-        let (_, name) = elements.next()?;
+        let (_, name) = elements.element()?;
         let name = String::from_utf8_lossy(name).into_owned();
         let class = flags.to_le_bytes()[0];
         let mut array = Self {
@@ -60,12 +60,12 @@ impl Array {
         match class {
             MX_STRUCT | MX_OBJECT if depth < DEPTH_MAX => {
                 if class == MX_OBJECT {
-                    elements.next()?;
+                    elements.element()?;
                 }
                 array.fields = fields(&mut elements, &array.shape, depth)?;
             }
             MX_CHAR => {
-                let (kind, bytes) = elements.next()?;
+                let (kind, bytes) = elements.element()?;
                 array.text = match kind {
                     // 16 bits a character, else UTF-8.
                     4 => String::from_utf16_lossy(&Numbers { kind, bytes, is_big_endian }.each(
@@ -77,7 +77,7 @@ impl Array {
                 };
             }
             6..=15 => {
-                let (kind, numbers) = elements.next()?;
+                let (kind, numbers) = elements.element()?;
                 array.numbers = Some((kind, numbers.to_vec()));
             }
             _ => {}
@@ -93,19 +93,19 @@ impl Array {
 }
 
 /// The fields of a structure with one element; those of more have no names of their own.
-fn fields(elements: &mut Elements<'_>, shape: &[u64], depth: usize) -> Result<Vec<(String, Array)>, Fault> {
+fn fields(elements: &mut Bytes<'_>, shape: &[u64], depth: usize) -> Result<Vec<(String, Array)>, Fault> {
     if shape.iter().any(|&n| n != 1) {
         return Ok(Vec::new());
     }
     let name_bytes = elements.words(1, "lengths of names")?.first().copied().unwrap_or(0) as usize;
-    let (_, names) = elements.next()?;
+    let (_, names) = elements.element()?;
     if name_bytes == 0 || names.len() / name_bytes > FIELDS_MAX {
         return broken(format!("a structure has names of {name_bytes} bytes in {} bytes", names.len()));
     }
     let mut fields = Vec::new();
     for name in names.chunks_exact(name_bytes) {
         let name = String::from_utf8_lossy(name.split(|&byte| byte == 0).next().unwrap_or_default()).into_owned();
-        let (kind, bytes) = elements.next()?;
+        let (kind, bytes) = elements.element()?;
         if kind == MI_MATRIX && !bytes.is_empty() {
             fields.push((name, Array::parse(bytes, elements.is_big_endian, depth + 1)?.1));
         }

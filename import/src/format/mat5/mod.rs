@@ -18,8 +18,8 @@ use std::path::Path;
 use flate2::read::ZlibDecoder;
 
 use crate::error::{Fault, broken, some_of};
+use crate::format::bytes::Bytes;
 use crate::format::mat5::array::{Array, MI_MATRIX, MX_CHAR, class_name};
-use crate::format::mat5::elements::Elements;
 use crate::format::mat5::numbers::Numbers;
 use crate::format::{
     PRE_TRIGGER_NAME, Pick, RATE_NAMES, Recorded, TIME_AXIS_NAME, UNIT, UNIT_BOUND, line_of, picked_twice, place_of,
@@ -83,7 +83,8 @@ impl Mat5 {
             mat.file.seek(SeekFrom::Start(at))?;
             let mut tag = [0; 8];
             mat.file.read_exact(&mut tag)?;
-            let (kind, bytes) = (mat.word(&tag, 0), u64::from(mat.word(&tag, 4)));
+            let mut tag = Bytes { left: &tag, is_big_endian };
+            let (kind, bytes) = (tag.u32()?, u64::from(tag.u32()?));
             at += 8;
             if bytes > file_bytes - at {
                 let what = format!("a variable at byte {} has {bytes} bytes; {} follow", at - 8, file_bytes - at);
@@ -100,11 +101,6 @@ impl Mat5 {
         Ok(mat)
     }
 
-    fn word(&self, bytes: &[u8], at: usize) -> u32 {
-        let word = bytes.get(at..at + 4).and_then(|word| word.try_into().ok()).unwrap_or_default();
-        if self.is_big_endian { u32::from_be_bytes(word) } else { u32::from_le_bytes(word) }
-    }
-
     /// The first `most` bytes of a variable, unpacked; less if it has less.
     fn unpacked(&mut self, at: u64, bytes: u64, is_packed: bool, most: u64) -> Result<Vec<u8>, Fault> {
         self.file.seek(SeekFrom::Start(at))?;
@@ -118,15 +114,11 @@ impl Mat5 {
         let is_damaged =
             |error: std::io::Error| Fault::Broken(format!("a packed variable at byte {at} is damaged: {error}"));
         inner.read_exact(&mut tag).map_err(is_damaged)?;
-        let is_big_endian = self.is_big_endian;
-        let word = |at: usize| {
-            let word = [tag[at], tag[at + 1], tag[at + 2], tag[at + 3]];
-            if is_big_endian { u32::from_be_bytes(word) } else { u32::from_le_bytes(word) }
-        };
-        if word(0) != MI_MATRIX {
+        let mut tag = Bytes { left: &tag, is_big_endian: self.is_big_endian };
+        if tag.u32()? != MI_MATRIX {
             return broken(format!("a packed variable at byte {at} holds no array"));
         }
-        let promised = u64::from(word(4));
+        let promised = u64::from(tag.u32()?);
         inner.take(promised.min(most)).read_to_end(&mut unpacked).map_err(is_damaged)?;
         if (unpacked.len() as u64) < promised.min(most) {
             let got = unpacked.len();
@@ -138,11 +130,11 @@ impl Mat5 {
     fn name_of(&mut self, variable: &Variable) -> Result<String, Fault> {
         // Flags, up to 32 axes and the name come first.
         let bytes = self.unpacked(variable.at, variable.bytes, variable.is_packed, 512)?;
-        let mut elements = Elements { bytes: &bytes, is_big_endian: self.is_big_endian };
+        let mut elements = Bytes { left: &bytes, is_big_endian: self.is_big_endian };
         let mut name = || {
-            elements.next()?;
-            elements.next()?;
-            elements.next()
+            elements.element()?;
+            elements.element()?;
+            elements.element()
         };
         // Variables of classes that the format does not document have other elements, and so no name here.
         Ok(name().map_or_else(

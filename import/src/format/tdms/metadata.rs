@@ -1,6 +1,7 @@
 //! The metadata of TDMS segments, as bytes: numbers, texts, properties, and the paths of objects.
 
 use crate::error::{Fault, broken};
+use crate::format::bytes::Bytes;
 
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Property {
@@ -32,40 +33,7 @@ pub(super) fn kind_name(kind: u32) -> String {
     }
 }
 
-/// Bytes of a file's metadata, read from start to end.
-pub(super) struct Metadata<'a> {
-    pub bytes: &'a [u8],
-    pub is_big_endian: bool,
-}
-
-impl<'a> Metadata<'a> {
-    fn take(&mut self, count: usize) -> Result<&'a [u8], Fault> {
-        match self.bytes.split_at_checked(count) {
-            Some((taken, rest)) => {
-                self.bytes = rest;
-                Ok(taken)
-            }
-            None => broken(format!("its metadata ends after {} bytes; {count} are needed", self.bytes.len())),
-        }
-    }
-
-    fn array<const N: usize>(&mut self) -> Result<[u8; N], Fault> {
-        let mut bytes = [0; N];
-        bytes.copy_from_slice(self.take(N)?);
-        if self.is_big_endian {
-            bytes.reverse();
-        }
-        Ok(bytes)
-    }
-
-    pub(super) fn u32(&mut self) -> Result<u32, Fault> {
-        Ok(u32::from_le_bytes(self.array()?))
-    }
-
-    pub(super) fn u64(&mut self) -> Result<u64, Fault> {
-        Ok(u64::from_le_bytes(self.array()?))
-    }
-
+impl Bytes<'_> {
     pub(super) fn text(&mut self) -> Result<String, Fault> {
         let count = self.u32()? as usize;
         Ok(String::from_utf8_lossy(self.take(count)?).into_owned())

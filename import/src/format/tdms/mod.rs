@@ -21,7 +21,7 @@ use crate::format::tdms::metadata::{Property, kind_name};
 use crate::format::tdms::raw_data::samples;
 use crate::format::tdms::segments::{Contents, Object, Segment};
 use crate::format::{Pick, Recorded};
-use crate::series::{Series, checked_count};
+use crate::series::{Series, checked_count, to_floats};
 
 /// A TDMS file: its objects, and where their samples are.
 #[derive(Debug)]
@@ -162,11 +162,7 @@ impl Recorded for Tdms {
                 let stored = f64::from(stored) * full_scale;
                 terms.iter().rev().fold(0.0, |sum, term| sum * stored + term)
             };
-            let unscaled = match &series.samples {
-                crate::series::Stored::F32(floats) if full_scale.to_bits() == 1_f64.to_bits() => floats.clone(),
-                samples => samples.to_floats(),
-            };
-            series = Series::of_doubles(&unscaled.into_iter().map(scaled).collect::<Vec<_>>())?;
+            series = Series::of_doubles(&to_floats(&series.samples).into_iter().map(scaled).collect::<Vec<_>>())?;
         }
         let increment_s = self.number(place, "wf_increment").filter(|&s| s > 0.0);
         series.sample_rate_hz = increment_s.map(rate_of);

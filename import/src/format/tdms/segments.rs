@@ -5,7 +5,8 @@ use std::fs::File;
 use std::io::{BufReader, Read as _, Seek as _, SeekFrom};
 
 use crate::error::{Fault, broken, some_of};
-use crate::format::tdms::metadata::{Metadata, Property, kind_name, steps, value_bytes};
+use crate::format::bytes::Bytes;
+use crate::format::tdms::metadata::{Property, kind_name, steps, value_bytes};
 
 const LEAD_IN_BYTES: u64 = 28;
 
@@ -84,7 +85,7 @@ impl Contents {
             }
             let flags = u32::from_le_bytes([lead_in[4], lead_in[5], lead_in[6], lead_in[7]]);
             let is_big_endian = flags & IS_BIG_ENDIAN != 0;
-            let mut offsets = Metadata { bytes: &lead_in[12..], is_big_endian };
+            let mut offsets = Bytes { left: &lead_in[12..], is_big_endian };
             let (next, raw) = (offsets.u64()?, offsets.u64()?);
             let left = file_bytes - at - LEAD_IN_BYTES;
             // All ones: the program that wrote it did not end it.
@@ -99,7 +100,7 @@ impl Contents {
             }
             let mut metadata = Vec::new();
             file.by_ref().take(raw).read_to_end(&mut metadata)?;
-            let metadata = Metadata { bytes: &metadata, is_big_endian };
+            let metadata = Bytes { left: &metadata, is_big_endian };
             let raw_data = (at + LEAD_IN_BYTES + raw, segment_bytes - raw);
             contents.segment(flags, metadata, raw_data, next != u64::MAX)?;
             at += LEAD_IN_BYTES + segment_bytes;
@@ -110,7 +111,7 @@ impl Contents {
     fn segment(
         &mut self,
         flags: u32,
-        mut metadata: Metadata<'_>,
+        mut metadata: Bytes<'_>,
         (at, raw_bytes): (u64, u64),
         is_ended: bool,
     ) -> Result<(), Fault> {
@@ -159,7 +160,7 @@ impl Contents {
         Ok(())
     }
 
-    fn object(&mut self, metadata: &mut Metadata<'_>) -> Result<(), Fault> {
+    fn object(&mut self, metadata: &mut Bytes<'_>) -> Result<(), Fault> {
         let path = metadata.text()?;
         let place = match self.places.get(&path) {
             Some(&place) => place,
