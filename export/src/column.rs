@@ -35,39 +35,28 @@ impl<R> Column<R> {
         Self { name: name.into(), unit, is_in_csv: true, cells }
     }
 
-    /// A column of small numbers.
-    pub(crate) fn u16(name: &str, cell: impl Fn(&R) -> u16 + 'static) -> Self {
-        Self::new(name, "", Cells::U16(Box::new(move |row| Some(cell(row)))))
+    /// A column of small numbers, some of which may be absent.
+    pub(crate) fn u16<V: Into<Option<u16>>>(name: &str, cell: impl Fn(&R) -> V + 'static) -> Self {
+        Self::new(name, "", Cells::U16(Box::new(move |row| cell(row).into())))
     }
 
-    /// A column of small numbers that may be absent.
-    pub(crate) fn maybe_u16(name: &str, cell: impl Fn(&R) -> Option<u16> + 'static) -> Self {
-        Self::new(name, "", Cells::U16(Box::new(cell)))
-    }
-
-    /// A column of whole numbers.
-    pub(crate) fn u32(name: &str, cell: impl Fn(&R) -> u32 + 'static) -> Self {
-        Self::new(name, "", Cells::U32(Box::new(move |row| Some(cell(row)))))
-    }
-
-    /// A column of whole numbers that may be absent.
-    pub(crate) fn maybe_u32(name: &str, cell: impl Fn(&R) -> Option<u32> + 'static) -> Self {
-        Self::new(name, "", Cells::U32(Box::new(cell)))
+    /// A column of whole numbers, some of which may be absent.
+    pub(crate) fn u32<V: Into<Option<u32>>>(name: &str, cell: impl Fn(&R) -> V + 'static) -> Self {
+        Self::new(name, "", Cells::U32(Box::new(move |row| cell(row).into())))
     }
 
     /// A column of quantities in `unit`; values that are not finite are absent.
-    pub(crate) fn f64(name: impl Into<String>, unit: &'static str, cell: impl Fn(&R) -> Option<f64> + 'static) -> Self {
-        Self::new(name, unit, Cells::F64(Box::new(move |row| cell(row).filter(|value| value.is_finite()))))
+    pub(crate) fn f64<V: Into<Option<f64>>>(
+        name: impl Into<String>,
+        unit: &'static str,
+        cell: impl Fn(&R) -> V + 'static,
+    ) -> Self {
+        Self::new(name, unit, Cells::F64(Box::new(move |row| cell(row).into().filter(|value| value.is_finite()))))
     }
 
-    /// A column of texts.
-    pub(crate) fn text(name: &str, cell: impl Fn(&R) -> String + 'static) -> Self {
-        Self::new(name, "", Cells::Text(Box::new(move |row| Some(cell(row)))))
-    }
-
-    /// A column of texts that may be absent.
-    pub(crate) fn maybe_text(name: &str, cell: impl Fn(&R) -> Option<String> + 'static) -> Self {
-        Self::new(name, "", Cells::Text(Box::new(cell)))
+    /// A column of texts, some of which may be absent.
+    pub(crate) fn text<V: Into<Option<String>>>(name: &str, cell: impl Fn(&R) -> V + 'static) -> Self {
+        Self::new(name, "", Cells::Text(Box::new(move |row| cell(row).into())))
     }
 
     /// The bits of a set of flags; their names are another column.
@@ -80,7 +69,4 @@ impl<R> Column<R> {
 pub(crate) trait Sink {
     /// Appends `rows`, with the same columns as rows before.
     fn rows<R>(&mut self, columns: &[Column<R>], rows: impl Iterator<Item = R>) -> Result<()>;
-
-    /// Ends the table.
-    fn finish(self) -> Result<()>;
 }

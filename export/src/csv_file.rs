@@ -19,6 +19,11 @@ impl<W: io::Write> CsvFile<W> {
     pub(crate) fn new(out: W) -> Self {
         Self { out: csv::Writer::from_writer(out), has_header: false }
     }
+
+    /// Ends the table.
+    pub(crate) fn finish(mut self) -> Result<()> {
+        self.out.flush().map_err(|error| Error::Csv(error.into()))
+    }
 }
 
 impl<W: io::Write> Sink for CsvFile<W> {
@@ -32,10 +37,6 @@ impl<W: io::Write> Sink for CsvFile<W> {
             self.out.write_record(columns().map(|column| cell_text(&column.cells, &row)))?;
         }
         Ok(())
-    }
-
-    fn finish(mut self) -> Result<()> {
-        self.out.flush().map_err(|error| Error::Csv(error.into()))
     }
 }
 
@@ -62,7 +63,7 @@ mod tests {
     fn texts_are_no_formulas() {
         let columns = [
             Column::text("name", |row: &(String, f64)| row.0.clone()),
-            Column::f64("offset_mm", "mm", |row: &(String, f64)| Some(row.1)),
+            Column::f64("offset_mm", "mm", |row: &(String, f64)| row.1),
         ];
         let mut out = Vec::new();
         let rows = [("=1+1".to_owned(), -5.5), ("A-17".to_owned(), 1.0), ("@x".to_owned(), 0.0)];

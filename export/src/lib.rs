@@ -32,7 +32,6 @@ pub use tap_set::writer::{Scales, TapSetWriter, write_wav};
 pub use taps::{ListedTap, TapCounts, TapFolder};
 pub use uff::UffEncoding;
 
-use crate::column::Sink as _;
 use crate::csv_file::CsvFile;
 use crate::mat::Mat;
 #[cfg(feature = "parquet")]

@@ -17,6 +17,7 @@ use tapline_store::Reader;
 use tapline_wire::{Channel, Scan};
 
 use crate::error::Context as _;
+use crate::fortran::plain;
 use crate::taps::scan_files::{List, ScanFormat};
 use crate::taps::{ListedTap, Taps, known, physical};
 use crate::{Error, Result};
@@ -104,8 +105,7 @@ impl Columns {
     fn write(&self, reader: &Reader, scan: &Scan, path: &Path) -> io::Result<()> {
         let mut out = BufWriter::new(File::create(path)?);
         let about = format!("MATLAB 5.0 MAT-file, taps of {} shoulder {}, by tapline", scan.tyre, scan.shoulder);
-        let plain: String = about.chars().map(|c| if c == ' ' || c.is_ascii_graphic() { c } else { '_' }).collect();
-        write!(out, "{plain:<116.116}")?;
+        write!(out, "{:<116}", plain(&about, 116))?;
         out.write_all(&[0; 8])?;
         // Version 0x0100, and how a reader tells the order of bytes.
         out.write_all(&[0, 1])?;

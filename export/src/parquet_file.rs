@@ -28,17 +28,10 @@ const UNIT: &str = "unit";
 
 /// Parquet with metadata about the origin of the table.
 pub(crate) struct ParquetFile<W: io::Write + Send> {
-    state: State<W>,
+    /// Until the columns are known.
+    out: Option<W>,
+    writer: Option<(Box<ArrowWriter<W>>, Arc<Schema>)>,
     metadata: Vec<KeyValue>,
-}
-
-/// The state of a file.
-enum State<W: io::Write + Send> {
-    /// Nothing is written yet, because the columns are not known.
-    Begun(W),
-    Writing(Box<ArrowWriter<W>>, Arc<Schema>),
-    /// A write failed.
-    Failed,
 }
 
 impl<W: io::Write + Send> ParquetFile<W> {
@@ -48,7 +41,7 @@ impl<W: io::Write + Send> ParquetFile<W> {
             entry("tapline.table", table.name().to_owned()),
             entry("tapline.exported_by", env!("CARGO_PKG_VERSION").to_owned()),
         ];
-        Self { state: State::Begun(out), metadata }
+        Self { out: Some(out), writer: None, metadata }
     }
 
     /// Adds the one archive of the table to the metadata; before any row.
@@ -58,10 +51,8 @@ impl<W: io::Write + Send> ParquetFile<W> {
     }
 
     /// The writer of a table with `columns`.
-    fn writer<R>(&mut self, columns: &[Column<R>]) -> Result<(&mut ArrowWriter<W>, Arc<Schema>)> {
-        if matches!(self.state, State::Begun(_))
-            && let State::Begun(out) = std::mem::replace(&mut self.state, State::Failed)
-        {
+    fn writer<R>(&mut self, columns: &[Column<R>]) -> Result<&mut (Box<ArrowWriter<W>>, Arc<Schema>)> {
+        if let Some(out) = self.out.take() {
             let schema = Arc::new(Schema::new(fields(columns)));
             let properties = WriterProperties::builder()
                 .set_compression(Compression::SNAPPY)
@@ -69,14 +60,16 @@ impl<W: io::Write + Send> ParquetFile<W> {
                 .set_key_value_metadata(Some(std::mem::take(&mut self.metadata)))
                 .build();
             let writer = ArrowWriter::try_new(out, Arc::clone(&schema), Some(properties))?;
-            self.state = State::Writing(Box::new(writer), schema);
+            self.writer = Some((Box::new(writer), schema));
         }
-        match &mut self.state {
-            State::Writing(writer, schema) => Ok((&mut **writer, Arc::clone(schema))),
-            State::Begun(_) | State::Failed => {
-                Err(ParquetError::General("the table could not be begun".to_owned()).into())
-            }
-        }
+        Ok(self.writer.as_mut().ok_or_else(|| ParquetError::General("the table could not be begun".to_owned()))?)
+    }
+
+    /// Ends the table.
+    pub(crate) fn finish(self) -> Result<()> {
+        let Some((out, _)) = self.writer else { return Ok(()) };
+        // Flushes buffers below, so that their errors are reported.
+        Ok(out.into_inner()?.flush().map_err(ParquetError::from)?)
     }
 }
 
@@ -88,15 +81,9 @@ impl<W: io::Write + Send> Sink for ParquetFile<W> {
     fn rows<R>(&mut self, columns: &[Column<R>], rows: impl Iterator<Item = R>) -> Result<()> {
         let (out, schema) = self.writer(columns)?;
         for arrays in batches(columns, rows) {
-            out.write(&RecordBatch::try_new(Arc::clone(&schema), arrays).map_err(ParquetError::from)?)?;
+            out.write(&RecordBatch::try_new(Arc::clone(schema), arrays).map_err(ParquetError::from)?)?;
         }
         Ok(())
-    }
-
-    fn finish(mut self) -> Result<()> {
-        let State::Writing(out, _) = std::mem::replace(&mut self.state, State::Failed) else { return Ok(()) };
-        // Flushes buffers below, so that their errors are reported.
-        Ok(out.into_inner()?.flush().map_err(ParquetError::from)?)
     }
 }
 
@@ -106,10 +93,6 @@ pub(crate) struct Batches<F>(pub F);
 impl<F: FnMut(Vec<ArrayRef>)> Sink for Batches<F> {
     fn rows<R>(&mut self, columns: &[Column<R>], rows: impl Iterator<Item = R>) -> Result<()> {
         batches(columns, rows).for_each(&mut self.0);
-        Ok(())
-    }
-
-    fn finish(self) -> Result<()> {
         Ok(())
     }
 }

@@ -87,7 +87,7 @@ fn discriminator_columns<'a>(name: Option<&str>, units: [Option<String>; 2]) -> 
     columns.push(Column::text("quality", |row: &FoundRow<'_>| row.found.quality.to_string()));
     columns.push(Column::bits("quality_bits", |row: &FoundRow<'_>| row.found.quality.bits()));
     for (name, unit) in ["force_unit", "sound_unit"].into_iter().zip(units) {
-        columns.push(Column::maybe_text(name, move |_| unit.clone()));
+        columns.push(Column::text(name, move |_| unit.clone()));
     }
     columns
 }
@@ -112,10 +112,10 @@ fn damage_columns<'a>(name: Option<&str>) -> Vec<Column<CellRow<'a>>> {
     let mut columns = scan_columns(name, |row: &CellRow<'_>| row.scan);
     columns.extend([
         Column::u32("location", |row: &CellRow<'_>| row.cell.location),
-        Column::f64("angle_deg", "deg", |row: &CellRow<'_>| Some(row.cell.angle_deg)),
-        Column::f64("damage_index", "1", |row: &CellRow<'_>| Some(row.cell.damage_index)),
-        Column::f64("first_index", "1", |row: &CellRow<'_>| Some(row.cell.first_index)),
-        Column::f64("p_value", "1", |row: &CellRow<'_>| Some(row.cell.p_value)),
+        Column::f64("angle_deg", "deg", |row: &CellRow<'_>| row.cell.angle_deg),
+        Column::f64("damage_index", "1", |row: &CellRow<'_>| row.cell.damage_index),
+        Column::f64("first_index", "1", |row: &CellRow<'_>| row.cell.first_index),
+        Column::f64("p_value", "1", |row: &CellRow<'_>| row.cell.p_value),
     ]);
     columns
 }
@@ -196,10 +196,10 @@ fn verdict_columns<'a>(name: Option<&str>) -> Vec<Column<VerdictRow<'a>>> {
         Column::u32("missing_count", |row: &VerdictRow<'_>| row.counts[2]),
         Column::u32("second_reading_count", |row: &VerdictRow<'_>| row.second_reading_count),
         Column::f64("scan_s", "s", |row: &VerdictRow<'_>| row.scan_s),
-        Column::maybe_u32("absent_count", |row: &VerdictRow<'_>| {
+        Column::u32("absent_count", |row: &VerdictRow<'_>| {
             row.judged.as_ref().map(|(judgement, _)| judgement.absent_count)
         }),
-        Column::maybe_u32("region_count", |row: &VerdictRow<'_>| row.judged.as_ref().map(|&(_, regions)| regions)),
+        Column::u32("region_count", |row: &VerdictRow<'_>| row.judged.as_ref().map(|&(_, regions)| regions)),
         Column::f64("limit_re_inspect", "1", |row: &VerdictRow<'_>| row.value(|judgement| judgement.limit_re_inspect)),
         Column::f64("limit_reject", "1", |row: &VerdictRow<'_>| row.value(|judgement| judgement.limit_reject)),
         Column::f64("strongest_arc", "1", |row: &VerdictRow<'_>| row.value(|judgement| judgement.strongest_arc)),
@@ -269,11 +269,11 @@ fn ledger_columns<'a>(name: Option<&str>) -> Vec<Column<LedgerRow<'a>>> {
     let mut columns = tap_columns(name, |row: &LedgerRow<'_>| row.tap);
     columns.extend([
         Column::text("state", |row: &LedgerRow<'_>| row.state.name().to_owned()),
-        Column::maybe_u16("attempt", |row: &LedgerRow<'_>| row.attempt),
-        Column::maybe_text("reason", |row: &LedgerRow<'_>| row.reason.clone()),
+        Column::u16("attempt", |row: &LedgerRow<'_>| row.attempt),
+        Column::text("reason", |row: &LedgerRow<'_>| row.reason.clone()),
         Column::u32("retaken_count", |row: &LedgerRow<'_>| row.retaken.map_or(0, |(count, _)| count)),
-        Column::maybe_text("retaken_for", |row: &LedgerRow<'_>| row.retaken.map(|(_, quality)| quality.to_string())),
-        Column::maybe_text("lost_at", |row: &LedgerRow<'_>| row.lost_at.map(|stage| stage.name().to_owned())),
+        Column::text("retaken_for", |row: &LedgerRow<'_>| row.retaken.map(|(_, quality)| quality.to_string())),
+        Column::text("lost_at", |row: &LedgerRow<'_>| row.lost_at.map(|stage| stage.name().to_owned())),
     ]);
     columns
 }
