@@ -8,7 +8,7 @@
 
 pub(crate) mod writer;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -17,7 +17,7 @@ use tapline_wire::{Geometry, Recording, SampleFormat, Serial, TapHeader, csv_cel
 use crate::tap_set::writer::{Scales, TapSetWriter};
 use crate::taps::{ListedTap, TapCounts, TapFolder, Taps, scan_names};
 use crate::{Error, Result};
-use tapline_store::Reader;
+use tapline_store::{Reader, lineage_changes};
 
 /// Counts of a full-scale 16-bit sample.
 const COUNTS_FULL_SCALE: f64 = 32_768.0;
@@ -34,36 +34,27 @@ struct Alike {
     /// That of the first archive; those of the others may differ in what affects no result.
     config: String,
     /// Every option that affects results.
-    options: Vec<String>,
+    made_by: String,
     reference: Option<String>,
     plan_digest: u64,
 }
 
-/// The options of `reader`, without the program that they were given to.
-fn options(reader: &Reader) -> Vec<String> {
-    let is_option = |line: &&str| !line.starts_with("program = ") && !line.starts_with("sources.");
-    reader.made_by().lines().filter(is_option).map(str::to_owned).collect()
-}
-
-/// The first options that only one list has, or with another value: `fuse.reject_rate = 0.01 here, 0.001 there`.
-fn differing(here: &[String], there: &[String]) -> String {
+/// The first options that differ in two texts of [`Reader::made_by`], or that only one has: `fuse.reject_rate = 0.01 here, 0.001 there`.
+/// The program that they were given to may differ. Empty if none does.
+fn differing(here: &str, there: &str) -> String {
     const MOST: usize = 3;
     /// Bytes up to which two values are shown.
     const SHORT: usize = 80;
-    let split = |line: &String| line.split_once(" = ").map(|(key, value)| (key.to_owned(), value.to_owned()));
-    let by_key = |lines: &[String]| lines.iter().filter_map(split).collect::<BTreeMap<_, _>>();
-    let (here, there) = (by_key(here), by_key(there));
-    let keys: BTreeSet<&String> =
-        here.keys().chain(there.keys()).filter(|&key| here.get(key) != there.get(key)).collect();
-    let value = |of: Option<&String>| of.map_or_else(|| "left out".to_owned(), Clone::clone);
-    let mut texts: Vec<String> = (keys.iter().take(MOST))
-        .map(|&key| match [here.get(key), there.get(key)].map(value) {
-            [here, there] if here.len() + there.len() <= SHORT => format!("{key} = {here} here, {there} there"),
-            _ => key.clone(),
-        })
-        .collect();
-    if keys.len() > MOST {
-        texts.push(format!("and {} more", keys.len() - MOST));
+    let mut changes = lineage_changes(here, there);
+    changes.retain(|(key, ..)| key != "program" && !key.starts_with("sources."));
+    let value = |of: &String| if of.is_empty() { "left out".to_owned() } else { of.clone() };
+    let text = |(key, here, there): &(String, String, String)| match [here, there].map(value) {
+        [here, there] if here.len() + there.len() <= SHORT => format!("{key} = {here} here, {there} there"),
+        _ => key.clone(),
+    };
+    let mut texts: Vec<String> = changes.iter().take(MOST).map(text).collect();
+    if changes.len() > MOST {
+        texts.push(format!("and {} more", changes.len() - MOST));
     }
     texts.join("; ")
 }
@@ -76,7 +67,7 @@ impl Alike {
             geometry: plan.geometry,
             recording: plan.recording.clone(),
             config: reader.config().to_owned(),
-            options: options(reader),
+            made_by: reader.made_by().to_owned(),
             reference: reader.reference().map(str::to_owned),
             plan_digest: plan.digest(),
         }
@@ -91,15 +82,13 @@ impl Alike {
             && ours.pre_trigger_samples == theirs.pre_trigger_samples
             && ours.sample_format == theirs.sample_format
             && ours.channels == theirs.channels;
+        let options = differing(reader.made_by(), &self.made_by);
         let what = match () {
             () if !is_alike => {
                 "the recording of its taps (rate, format, channels, or samples before the trigger) differs"
             }
             () if plan.geometry != self.geometry => "its geometry differs",
-            () if options(reader) != self.options => {
-                let differing = differing(&options(reader), &self.options);
-                return Some(format!("its options differ ({differing})"));
-            }
+            () if !options.is_empty() => return Some(format!("its options differ ({options})")),
             () if reader.reference() != self.reference.as_deref() => "its reference differs",
             () => return None,
         };
