@@ -146,7 +146,7 @@ impl Arrivals for RigArrivals {
                 let listed = self.scan.tyre.iter().find(|tyre| tyre.serial == loaded.name);
                 let cracks = listed.map_or_else(Vec::new, |tyre| tyre.crack.clone());
                 let tyre = Tyre { serial, station: self.station, cracks };
-                Box::new(SimulatedLine::for_tyre(&self.scan, &self.simulation, &tyre, 0)?)
+                Box::new(SimulatedLine::for_tyre(&self.scan, &self.simulation, &tyre, 0, 0)?)
             }
         };
         self.open.push_back((loaded.id, loaded.name.clone()));

@@ -40,7 +40,7 @@ impl SimulatedList {
         let World { scan, simulation } = &*self.world;
         (0..scan.tyre_count()).map(move |number| {
             let tyre = tyre_of(scan, number)?;
-            let plan = plan_of(scan, simulation, std::slice::from_ref(&tyre))?;
+            let plan = plan_of(scan, simulation, std::slice::from_ref(&tyre), 0)?;
             Ok((tyre.serial.to_string(), tyre.station, plan))
         })
     }
@@ -115,14 +115,14 @@ impl Arrivals for SimulatedTyres {
 
     fn next(&mut self) -> Result<Arrival, Error> {
         let World { scan, simulation } = &*self.world;
-        let (tyre, taps_before) = match &mut self.which {
+        let (tyre, taps_before, source_digest) = match &mut self.which {
             Tyres::Listed { next, taps_before } => {
                 let ours = (*next..scan.tyre_count()).find(|&number| station_of(scan, number) == self.station);
                 let Some(number) = ours else { return Ok(Arrival::Ended) };
                 *next = number + 1;
                 let before = *taps_before;
                 *taps_before += scan.taps_per_tyre();
-                (tyre_of(scan, number)?, before)
+                (tyre_of(scan, number)?, before, 0)
             }
             Tyres::Unlisted { next, last } => {
                 let number = *next;
@@ -132,15 +132,13 @@ impl Arrivals for SimulatedTyres {
                 *next = number.saturating_add(1);
                 let serial = format!("S{}-{number}", self.station);
                 let tyre = default_tyre(scan, &serial, self.station, number % 2 == 1)?;
-                (tyre, (number - 1).saturating_mul(scan.taps_per_tyre()))
+                // Numbers restart with this process: a finished tyre is recognised by its source, and not tapped again.
+                let texts = [toml::to_string(scan), toml::to_string(simulation)].map(Result::unwrap_or_default);
+                let source_digest = digest_of_parts(texts.iter().map(String::as_bytes));
+                (tyre, (number - 1).saturating_mul(scan.taps_per_tyre()), source_digest)
             }
         };
-        let mut taps = SimulatedLine::for_tyre(scan, simulation, &tyre, taps_before)?;
-        if let Tyres::Unlisted { .. } = self.which {
-            // Numbers restart with this process: a finished tyre is recognised by its source, and not tapped again.
-            let texts = [toml::to_string(scan), toml::to_string(simulation)].map(Result::unwrap_or_default);
-            taps.set_source(digest_of_parts(texts.iter().map(String::as_bytes)));
-        }
+        let taps = SimulatedLine::for_tyre(scan, simulation, &tyre, taps_before, source_digest)?;
         Ok(Arrival::Casing(Casing { name: tyre.serial.to_string(), taps: Box::new(taps) }))
     }
 }

@@ -50,24 +50,21 @@ impl SimulatedLine {
         scan.validate()?;
         let tyres: Vec<Tyre> = (0..scan.tyre_count()).map(|number| tyre_of(scan, number)).collect::<Result<_, _>>()?;
         let start_ns = vec![scan.start_ns; usize::from(scan.stations) + 1];
-        Self::for_tyres(scan, simulation, &tyres, start_ns)
+        Self::for_tyres(scan, simulation, &tyres, start_ns, 0)
     }
 
-    /// One tyre only, whose station has made `taps_before` taps before it: the same taps as in the whole scan.
+    /// One tyre only, whose station has made `taps_before` taps before it: the same taps as in the whole scan. `source_digest`
+    /// distinguishes its plan from others of the same taps.
     pub(crate) fn for_tyre(
         scan: &ScanConfig,
         simulation: &SimulationConfig,
         tyre: &Tyre,
         taps_before: u64,
+        source_digest: u64,
     ) -> Result<Self, Error> {
         let mut start_ns = vec![0; usize::from(tyre.station) + 1];
         start_ns[usize::from(tyre.station)] = time_after(scan, taps_before);
-        Self::for_tyres(scan, simulation, std::slice::from_ref(tyre), start_ns)
-    }
-
-    /// Gives the plan a digest that distinguishes this simulation from others of the same taps.
-    pub(crate) fn set_source(&mut self, source_digest: u64) {
-        self.about.plan = self.about.plan.clone().with_source(source_digest);
+        Self::for_tyres(scan, simulation, std::slice::from_ref(tyre), start_ns, source_digest)
     }
 
     /// The line of `tyres`, of which each station starts at its place in `start_ns`.
@@ -76,9 +73,10 @@ impl SimulatedLine {
         simulation: &SimulationConfig,
         tyres: &[Tyre],
         start_ns: Vec<i64>,
+        source_digest: u64,
     ) -> Result<Self, Error> {
         let rig = rig_of(scan, simulation, tyres)?;
-        let plan = plan_of(scan, simulation, tyres)?;
+        let plan = plan_of(scan, simulation, tyres, source_digest)?;
         let full_scales = [simulation.force_full_scale_n, simulation.sound_full_scale_v];
         let channels = channel_headers(&plan.recording, &full_scales.map(|full_scale| full_scale / COUNTS_FULL_SCALE));
         let tap_time_ns = times_of(scan, &plan, start_ns);
@@ -144,7 +142,12 @@ pub(crate) fn rig_of(
 }
 
 /// The plan of the scan of `tyres`.
-pub(crate) fn plan_of(scan: &ScanConfig, simulation: &SimulationConfig, tyres: &[Tyre]) -> Result<Plan, Error> {
+pub(crate) fn plan_of(
+    scan: &ScanConfig,
+    simulation: &SimulationConfig,
+    tyres: &[Tyre],
+    source_digest: u64,
+) -> Result<Plan, Error> {
     let recording = Recording {
         sample_rate_hz: simulation.sample_rate_hz,
         pre_trigger_samples: simulation.pre_trigger_samples,
@@ -153,12 +156,8 @@ pub(crate) fn plan_of(scan: &ScanConfig, simulation: &SimulationConfig, tyres: &
         channels: Channel::BOTH.to_vec(),
         calibration: Calibration::computed(),
     };
-    Ok(Plan::new(
-        Geometry::Ring,
-        recording,
-        taps_of(scan, tyres.iter().map(|tyre| (tyre.serial, tyre.station)))?,
-        truth_of(scan, tyres),
-    )?)
+    let taps = taps_of(scan, tyres.iter().map(|tyre| (tyre.serial, tyre.station)))?;
+    Ok(Plan::from_source(Geometry::Ring, recording, taps, truth_of(scan, tyres), source_digest)?)
 }
 
 /// Station of tyre `number`, from 0.

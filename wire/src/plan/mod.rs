@@ -162,14 +162,6 @@ impl Plan {
         self.begun_digest
     }
 
-    /// The same plan for another source: see [`Plan::from_source`].
-    pub fn with_source(mut self, source_digest: u64) -> Self {
-        self.source_digest = source_digest;
-        self.digest = digest_of(self.geometry, &self.recording, &self.taps, source_digest);
-        self.begun_digest = digest_of(self.geometry, &self.recording, &self.taps[..self.begun_count], source_digest);
-        self
-    }
-
     /// Digest that distinguishes the plan's source from others with the same taps; 0 if there is none.
     pub fn source_digest(&self) -> u64 {
         self.source_digest
@@ -286,6 +278,8 @@ mod tests {
     #[test]
     fn another_source_has_another_digest() {
         let plan = plan(vec![tap(1, "A", 1, 0)]).unwrap();
-        assert_ne!(plan.clone().with_source(1).digest(), plan.digest());
+        let (recording, taps) = (plan.recording.clone(), plan.taps().to_vec());
+        let other = Plan::from_source(plan.geometry, recording, taps, Truth::new(), 1).unwrap();
+        assert_ne!(other.digest(), plan.digest());
     }
 }
