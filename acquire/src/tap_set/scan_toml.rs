@@ -41,9 +41,9 @@ pub(crate) struct ScanToml {
 #[serde(deny_unknown_fields)]
 struct Written {
     geometry: Spanned<Value>,
-    channels: Spanned<Value>,
+    channels: Spanned<Vec<Channel>>,
     sample_rate_hz: Spanned<f64>,
-    pre_trigger_samples: Spanned<i64>,
+    pre_trigger_samples: u32,
     force_full_scale_n: Option<Spanned<f64>>,
     sound_full_scale_v: Option<Spanned<f64>>,
     sound_full_scale_pa: Option<Spanned<f64>>,
@@ -97,28 +97,18 @@ pub(crate) fn parse(file: &Path, text: &str) -> Result<ScanToml, Error> {
         let bound = format!("a number above 0 and at most {FULL_SCALE_MAX}");
         Ok(Some((number(key, full_scale, f64::MIN_POSITIVE..=FULL_SCALE_MAX, &bound)?, unit)))
     };
-    let other = |key, value: &Spanned<Value>, bound| refuse(key, value.span(), value.get_ref().to_string(), bound);
-    let geometry = match written.geometry.get_ref().as_str() {
-        Some("ring") => Geometry::Ring,
-        Some("line") => Geometry::Line,
-        _ => return Err(other("geometry", &written.geometry, "\"ring\" or \"line\"")),
+    let geometry = &written.geometry;
+    let Some(geometry) = geometry.get_ref().as_str().and_then(Geometry::from_name) else {
+        let (at, value) = (geometry.span(), geometry.get_ref().to_string());
+        return Err(refuse("geometry", at, value, "\"ring\" or \"line\""));
     };
-    let channels: Option<Vec<Channel>> = written
-        .channels
-        .get_ref()
-        .as_array()
-        .and_then(|names| names.iter().map(|name| Channel::from_name(name.as_str()?)).collect());
+    let channels = written.channels.get_ref();
     // No discriminator could tell two channels of one kind apart.
-    let is_repeated = |channels: &[Channel]| (1..channels.len()).any(|at| channels[..at].contains(&channels[at]));
-    let channels = channels.filter(|channels| !channels.is_empty() && !is_repeated(channels)).ok_or_else(|| {
+    if channels.is_empty() || (1..channels.len()).any(|at| channels[..at].contains(&channels[at])) {
+        let names: Vec<&str> = channels.iter().map(|channel| channel.name()).collect();
         let bound = "a list of \"force\" and \"sound\", or of one of them, in the order of the WAV channels";
-        other("channels", &written.channels, bound)
-    })?;
-    let pre_trigger_samples = u32::try_from(*written.pre_trigger_samples.get_ref()).ok().ok_or_else(|| {
-        let bound = format!("a whole number from 0 to {}", u32::MAX);
-        let value = written.pre_trigger_samples.get_ref().to_string();
-        refuse("pre_trigger_samples", written.pre_trigger_samples.span(), value, &bound)
-    })?;
+        return Err(refuse("channels", written.channels.span(), format!("{names:?}"), bound));
+    }
     let of_rate = format!("a number from 1 to {SAMPLE_RATE_HZ_MAX}");
     let sample_rate_hz = number("sample_rate_hz", &written.sample_rate_hz, 1.0..=SAMPLE_RATE_HZ_MAX, &of_rate)?;
     let force_full_scale = full_scale("force_full_scale_n", &written.force_full_scale_n, Unit::Newton)?;
@@ -150,9 +140,9 @@ pub(crate) fn parse(file: &Path, text: &str) -> Result<ScanToml, Error> {
     };
     Ok(ScanToml {
         geometry,
-        channels,
+        channels: written.channels.into_inner(),
         sample_rate_hz,
-        pre_trigger_samples,
+        pre_trigger_samples: written.pre_trigger_samples,
         force_full_scale,
         sound_full_scale,
         microphone_distance_m,
@@ -216,7 +206,11 @@ mod tests {
                 "= 512\nsample_rate = 1",
                 "line 5: `sample_rate = 1`: unknown field `sample_rate`, expected one of `geometry`, `channels`, ",
             ),
-            ("= 512", "= -1", "line 4: pre_trigger_samples is -1; it must be a whole number from 0 to 4294967295"),
+            (
+                "= 512",
+                "= -1",
+                "line 4: `pre_trigger_samples = -1`: invalid value: integer `-1`, expected a whole number from 0 to 4294967295",
+            ),
             (
                 "= 512",
                 "= 5.5",
@@ -231,7 +225,11 @@ mod tests {
                 "line 3: `sample_rate_hz = \"fast\"`: invalid type: string \"fast\", expected a number",
             ),
             ("\"ring\"", "\"disc\"", "line 1: geometry is \"disc\"; it must be \"ring\" or \"line\""),
-            ("\"force\", \"sound\"", "\"force\", \"light\"", "line 2: channels is [\"force\", \"light\"]; it must be"),
+            (
+                "\"force\", \"sound\"",
+                "\"force\", \"light\"",
+                "line 2: `channels = [\"force\", \"light\"]`: unknown variant `light`, expected `force` or `sound`",
+            ),
             ("\"force\", \"sound\"", "", "line 2: channels is []"),
             ("\"force\", \"sound\"", "\"sound\", \"sound\"", "line 2: channels is [\"sound\", \"sound\"]; it must be"),
             ("pre_trigger_samples = 512", "", "scan.toml: missing field `pre_trigger_samples`"),
