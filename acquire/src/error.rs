@@ -57,8 +57,8 @@ pub enum Error {
     #[error("{}: has no rows below its header", file.display())]
     NoRows { file: PathBuf },
     /// Not one recording of the set can be used.
-    #[error("{}: {} be used: {reasons}", folder.display(), none_can(*tap_count))]
-    NoUsableTap { folder: PathBuf, tap_count: usize, reasons: String },
+    #[error("{}: {what}", folder.display())]
+    NoUsableTap { folder: PathBuf, what: String },
     /// A setting of the configuration, or an argument, is out of bounds.
     #[error("{key} is {value}; it must be {bound}")]
     Setting {
@@ -81,9 +81,16 @@ pub enum Error {
     Plan(#[from] tapline_wire::PlanError),
 }
 
-/// The beginning of a sentence about all of the taps.
-fn none_can(tap_count: usize) -> String {
-    if tap_count == 1 { "the only tap cannot".to_owned() } else { format!("none of the {tap_count} taps can") }
+/// Says that none of `tap_count` taps can be `done`, with the first of the `reasons`.
+pub fn none_can(tap_count: usize, done: &str, reasons: impl IntoIterator<Item = String>) -> String {
+    const REASONS_MAX: usize = 3;
+    let mut reasons = reasons.into_iter();
+    let first = reasons.by_ref().take(REASONS_MAX).collect::<Vec<_>>().join("; ");
+    let more = if reasons.next().is_some() { "; ..." } else { "" };
+    match tap_count {
+        1 => format!("the only tap cannot be {done}: {first}"),
+        _ => format!("none of the {tap_count} taps can be {done}: {first}{more}"),
+    }
 }
 
 impl Error {

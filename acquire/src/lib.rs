@@ -42,7 +42,7 @@ pub use capture::{
 pub use config::calibration::{CALIBRATION_FILE, CalibrationFile, ChannelScale};
 pub use config::text::{read_text, read_toml, toml_in_words};
 pub use config::{AcquireConfig, ScanConfig, TyreConfig};
-pub use error::Error;
+pub use error::{Error, none_can};
 pub use rig::{RigArrivals, RigConfig, RigReport, RigScript, last_on_rig, serve_rig};
 pub use simulated::SimulatedLine;
 pub use simulated::listed::{SimulatedList, listed_simulated};

@@ -15,19 +15,14 @@ pub enum Error {
     #[error("{}{}: {reason}", file.display(), line.map(|line| format!(" line {line}")).unwrap_or_default())]
     Text { file: PathBuf, line: Option<usize>, reason: String },
     /// Not one tap can be imported.
-    #[error("{} be imported: {reasons}", none_can(*tap_count))]
-    NoTap { tap_count: usize, reasons: String },
+    #[error("{what}")]
+    NoTap { what: String },
     /// The tap set cannot be written.
     #[error(transparent)]
     Export(#[from] tapline_export::Error),
     /// A text cannot be read, or what was written is no tap set.
     #[error(transparent)]
     Acquire(#[from] tapline_acquire::Error),
-}
-
-/// The beginning of a sentence about all of the taps.
-fn none_can(tap_count: usize) -> String {
-    if tap_count == 1 { "the only tap cannot".to_owned() } else { format!("none of the {tap_count} taps can") }
 }
 
 /// What is wrong with a recording, or a channel of it.

@@ -17,7 +17,7 @@ mod series;
 
 use std::path::{Path, PathBuf};
 
-use tapline_acquire::{SAMPLE_RATE_HZ_MAX, TapRow, TapSet};
+use tapline_acquire::{SAMPLE_RATE_HZ_MAX, TapRow, TapSet, none_can};
 use tapline_export::{ListedTap, Scales, TapSetWriter};
 use tapline_store::OwnedSamples;
 use tapline_wire::{Calibration, Channel, Recording, SampleFormat, TapHeader, Unit};
@@ -30,9 +30,6 @@ use crate::series::{Series, count_of, planes, to_floats};
 
 pub use error::{Error, Result};
 pub use example::write_example;
-
-/// Most reasons that are listed if no tap can be imported.
-const REASONS_MAX: usize = 3;
 
 /// Largest relative difference of two rates that count as the same: rates from a time step have six digits.
 const RATE_ERROR: f64 = 1e-5;
@@ -324,15 +321,10 @@ impl<'a> Set<'a> {
 
     fn finish(mut self) -> Result<Imported> {
         if self.imported.written == 0 {
-            let refused = &self.imported.refused;
+            let tap_count = self.imported.refused.len();
             // All taps of a record are refused for one reason.
-            let mut distinct = refused.clone();
-            distinct.dedup();
-            let mut reasons = distinct.iter().take(REASONS_MAX).cloned().collect::<Vec<_>>().join("; ");
-            if distinct.len() > REASONS_MAX {
-                reasons.push_str("; ...");
-            }
-            return Err(Error::NoTap { tap_count: refused.len(), reasons });
+            self.imported.refused.dedup();
+            return Err(Error::NoTap { what: none_can(tap_count, "imported", self.imported.refused) });
         }
         let unscaled = self.imported.unscaled.clone();
         let mut remarks = vec![("source", "imported by tapline")];
@@ -342,14 +334,7 @@ impl<'a> Set<'a> {
         }
         self.writer.describe(self.config.geometry, &self.recording(), &remarks)?;
         // What its reader does not take is no tap set.
-        let set = TapSet::open(self.writer.folder(), 1)?;
-        let refused = set.refusals().count();
-        if refused != self.imported.refused.len() {
-            let first = set.refusals().find(|refusal| !self.imported.refused.contains(&refusal.reason));
-            let reason = first.map_or_else(String::new, |refusal| refusal.to_string());
-            return Err(Error::NoTap { tap_count: refused, reasons: reason });
-        }
-        drop(set);
+        drop(TapSet::open(self.writer.folder(), 1)?);
         self.writer.finish()?;
         Ok(self.imported)
     }

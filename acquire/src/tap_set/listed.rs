@@ -8,7 +8,7 @@ use tapline_wire::{CasingLimits, Plan};
 
 use crate::tap_set::casings::{SetCasing, casings_of};
 use crate::tap_set::recordings::Recordings;
-use crate::{Arrival, Arrivals, Casing, Error, Refusal, Source as _, TapSet};
+use crate::{Arrival, Arrivals, Casing, Error, Source as _, TapSet};
 
 /// The casings of a tap set.
 #[derive(Debug, Clone)]
@@ -57,18 +57,6 @@ impl TapSetList {
         Box::new(Listed { list: self.clone(), station, numbers })
     }
 
-    /// The taps that will be refused, as far as the headers of their recordings show.
-    ///
-    /// # Errors
-    /// [`Error`] if a casing's plan cannot be made.
-    pub fn refusals(&self) -> Result<Vec<Refusal>, Error> {
-        let mut refusals = Vec::new();
-        for number in 0..self.len() {
-            refusals.extend(self.taps(number, self.casings[number].station)?.refusals());
-        }
-        Ok(refusals)
-    }
-
     /// Limits that are sufficient for every casing. Only one plan is in memory at a time.
     ///
     /// # Errors
@@ -82,14 +70,9 @@ impl TapSetList {
         &self.casings[number].name
     }
 
-    /// The taps of casing `number`, at `station`.
-    pub(crate) fn taps(&self, number: usize, station: u16) -> Result<TapSet, Error> {
-        TapSet::from_casing(&self.set, &self.casings[number], station)
-    }
-
     /// Casing `number`, at `station`.
     pub(crate) fn casing(&self, number: usize, station: u16) -> Result<Casing, Error> {
-        let taps = self.taps(number, station)?;
+        let taps = TapSet::from_casing(&self.set, &self.casings[number], station)?;
         debug_assert_eq!(taps.plan().stations(), [station]);
         Ok(Casing { name: self.name(number).to_owned(), taps: Box::new(taps) })
     }

@@ -80,11 +80,6 @@ impl TapSet {
         Self { set, about, rows, scratch: Vec::new() }
     }
 
-    /// The taps that will be refused, as far as the headers of their recordings show, in the order of the plan.
-    pub fn refusals(&self) -> impl Iterator<Item = Refusal> + '_ {
-        self.rows.iter().filter_map(|&row| Some(self.refusal(row, self.fault(row)?)))
-    }
-
     /// Why the recording in row `row` of the set cannot be used, as far as its header shows.
     fn fault(&self, row: u32) -> Option<String> {
         match self.set.header(row) {

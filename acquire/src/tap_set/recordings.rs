@@ -13,13 +13,10 @@ use crate::tap_set::scan_toml::{self, ScanToml};
 use crate::tap_set::taps_csv::{self, TapRow};
 use crate::tap_set::wav::{self, WavFault, WavHeader};
 use crate::tap_set::{header, truth_csv};
-use crate::{Error, Refusal};
+use crate::{Error, Refusal, none_can};
 
 /// Bytes at the beginning of a recording's file that identify it.
 const BEGINNING_BYTES: u64 = 16_384;
-
-/// Most reasons that are listed if every tap is refused.
-const REASONS_MAX: usize = 3;
 
 /// The tables of a folder and the headers of its recordings.
 #[derive(Debug)]
@@ -55,7 +52,11 @@ impl Recordings {
         let header = |row: &TapRow| header_of(dir, row, &scan).map_err(|fault| fault.to_string());
         let headers: Vec<_> = taps.iter().map(header).collect();
         if headers.iter().all(Result::is_err) {
-            return Err(no_usable_tap(dir.to_owned(), &taps, headers));
+            let refusals = taps.iter().zip(headers).filter_map(|(row, header)| {
+                let reason = header.err()?;
+                Some(Refusal { file: row.file.clone(), line: row.line, reason }.to_string())
+            });
+            return Err(Error::NoUsableTap { folder: dir.to_owned(), what: none_can(taps.len(), "used", refusals) });
         }
         let beginnings = vec![OnceLock::new(); taps.len()];
         Ok(Self { dir: dir.to_owned(), scan, scan_text, scales, taps, headers, beginnings, truth })
@@ -176,16 +177,4 @@ where
         channels: scan.channels.clone(),
         calibration: Calibration::default(),
     }
-}
-
-fn no_usable_tap(folder: PathBuf, rows: &[TapRow], headers: Vec<Result<WavHeader, String>>) -> Error {
-    let refusals = rows.iter().zip(headers).filter_map(|(row, header)| {
-        let reason = header.err()?;
-        Some(Refusal { file: row.file.clone(), line: row.line, reason }.to_string())
-    });
-    let mut reasons = refusals.take(REASONS_MAX).collect::<Vec<_>>().join("; ");
-    if rows.len() > REASONS_MAX {
-        reasons.push_str("; ...");
-    }
-    Error::NoUsableTap { folder, tap_count: rows.len(), reasons }
 }
