@@ -1,16 +1,16 @@
-//! Samples of taps as chunks of their dataset, written without a copy and found without the library's search.
+//! Samples of taps as chunks of their dataset, written without a copy and found without the library.
 #![expect(unsafe_code, reason = "the safe crate has no direct access to chunks")]
 
 use std::fs::File;
 
 use hdf5::{Dataset, Error, sync::sync};
-use hdf5_sys::h5::{haddr_t, hsize_t};
-use hdf5_sys::h5d::{H5Dget_chunk_info_by_coord, H5Dwrite_chunk};
+use hdf5_sys::h5::hsize_t;
+use hdf5_sys::h5d::H5Dwrite_chunk;
 use hdf5_sys::h5o::{H5O_INFO_BASIC, H5O_info1_t, H5Oget_info2};
 use hdf5_sys::h5p::H5P_DEFAULT;
 use tapline_codec::Codec;
 
-use crate::h5::chunk_index::{Chunk, chunks};
+use crate::h5::chunk_index::{Chunk, index};
 use crate::h5::location::ChunkLocation;
 
 /// Rows of a `[row, channel, sample]` dataset whose chunks are one row each.
@@ -64,22 +64,22 @@ impl ChunkRows {
         })
     }
 
-    /// The location of every row, as [`ChunkRows::location`] finds one, in `file`, which nobody may write meanwhile.
+    /// The location of every row in `file`, which nobody may write meanwhile; `None` for a row that was never written, or by another
+    /// filter.
+    ///
+    /// # Errors
+    /// If the index cannot be read.
     pub(crate) fn locations(&self, file: &File) -> hdf5::Result<Vec<Option<ChunkLocation>>> {
-        match self.index(file) {
-            Some(chunks) => Ok(chunks.into_iter().map(|(location, mask)| self.known(location, mask)).collect()),
-            None => (0..).take(self.row_count()).map(|row| self.location(row)).collect(),
-        }
+        let index = self.header_address().and_then(|header| index(file, header, self.row_count(), self.dataset.ndim()));
+        let chunks = index.ok_or("the index of the samples cannot be read")?.chunks;
+        // The library skips a filter that gains nothing, and notes that in the mask.
+        let known = |(location, mask): Chunk| Some(location).filter(|_| mask == 0);
+        Ok(chunks.into_iter().map(|chunk| chunk.and_then(known)).collect())
     }
 
     /// Number of rows.
     pub(crate) fn row_count(&self) -> usize {
         self.dataset.shape().first().copied().unwrap_or(0)
-    }
-
-    /// The index as read from `file`; `None` if it is of an unknown kind.
-    pub(crate) fn index(&self, file: &File) -> Option<Vec<Chunk>> {
-        chunks(file, self.header_address()?, self.row_count(), self.dataset.ndim())
     }
 
     /// Address of the dataset's object header; `None` if the library does not find it.
@@ -89,33 +89,6 @@ impl ChunkRows {
         // fills the structure that it declares.
         let status = sync(|| unsafe { H5Oget_info2(self.dataset.id(), &raw mut info, H5O_INFO_BASIC) });
         (status >= 0).then_some(info.addr)
-    }
-
-    /// `location`, if its chunk went through the filters that this crate undoes.
-    fn known(&self, location: ChunkLocation, mask: u32) -> Option<ChunkLocation> {
-        // The library skips a filter that gains nothing, and notes that in `mask`.
-        Some(location).filter(|location| location.address != haddr_t::MAX && mask == 0)
-    }
-
-    /// The location of row `row`; `None` if it was never written, or by another filter.
-    pub(crate) fn location(&self, row: u32) -> hdf5::Result<Option<ChunkLocation>> {
-        let offset: [hsize_t; 3] = [row.into(), 0, 0];
-        let (mut mask, mut address, mut length): (u32, haddr_t, hsize_t) = (0, haddr_t::MAX, 0);
-        sync(|| {
-            // SAFETY: as in `write`; the three results are written before the call returns.
-            let status = unsafe {
-                H5Dget_chunk_info_by_coord(
-                    self.dataset.id(),
-                    offset.as_ptr(),
-                    &raw mut mask,
-                    &raw mut address,
-                    &raw mut length,
-                )
-            };
-            if status < 0 { Err(Error::query()?) } else { Ok(()) }
-        })?;
-        let location = usize::try_from(length).ok().map(|length| ChunkLocation { address, length });
-        Ok(location.and_then(|location| self.known(location, mask)))
     }
 }
 

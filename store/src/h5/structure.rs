@@ -109,7 +109,7 @@ pub(crate) fn write(path: &Path, changing: Changing) -> std::io::Result<()> {
     let mut nodes = Vec::new();
     if let Some((header, row_count)) = changing.samples {
         let index = index(&file, header, row_count, RANK).ok_or(std::io::ErrorKind::InvalidData)?;
-        extents.extend(index.chunks.iter().map(|(location, _)| Extent::from(*location)));
+        extents.extend(index.chunks.iter().flatten().map(|(location, _)| Extent::from(*location)));
         nodes = if changing.has_codec { index.nodes } else { nodes };
     }
     let (header, row_count) = changing.samples.unwrap_or((u64::MAX, 0));
@@ -166,7 +166,9 @@ pub(crate) fn check(file: &File, path: &Path) -> Result<()> {
     if record.row_count > 0 {
         let index = index(file, record.header, record.row_count, RANK);
         let is_valid = |Index { chunks, .. }: &Index| {
-            chunks.iter().all(|(location, mask)| *mask == 0 && record.may_have(*location, length))
+            chunks
+                .iter()
+                .all(|chunk| chunk.is_some_and(|(location, mask)| mask == 0 && record.may_have(location, length)))
         };
         if !index.as_ref().is_some_and(is_valid) {
             return Err(damaged("the index of its samples is not what was written"));

@@ -38,8 +38,8 @@ pub(crate) struct SampleFile {
     path: PathBuf,
     file: File,
     rows: ChunkRows,
-    /// The location of every row, once it was looked for; `None` if that failed.
-    locations: OnceLock<Option<Vec<Option<ChunkLocation>>>>,
+    /// The location of every row, once it was looked for.
+    locations: OnceLock<Vec<Option<ChunkLocation>>>,
 }
 
 impl SampleFile {
@@ -55,13 +55,13 @@ impl SampleFile {
         self.rows.locations(&self.file).context("find samples", &self.path)
     }
 
-    /// The location of row `row`. All are looked up at the first call: the library would search the whole index for each.
+    /// The location of row `row`. All are looked up at the first call.
     pub(crate) fn location(&self, row: u32) -> Result<Option<ChunkLocation>> {
-        match self.locations.get_or_init(|| self.locations().ok()) {
-            Some(locations) => Ok(locations.get(row as usize).copied().flatten()),
-            // Part of the index cannot be read: the library needs only the part that leads to this row.
-            None => self.rows.location(row).context("find samples", &self.path),
+        if self.locations.get().is_none() {
+            let locations = self.locations()?;
+            self.locations.get_or_init(|| locations);
         }
+        Ok(self.locations.get().and_then(|locations| *locations.get(row as usize)?))
     }
 
     /// The samples of `header`, whose chunk is at `location`, unpacked into `buffer`: the first `sample_count` of each channel. The
