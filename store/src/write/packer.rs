@@ -3,10 +3,11 @@
 //! All writers of the process share the threads and the buffers.
 
 use std::num::NonZeroUsize;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread;
 
-use crossbeam::channel::bounded;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use tapline_codec::chunk_checksum;
 use tapline_codec::{Codec, pack as pack_by_codec};
@@ -85,18 +86,8 @@ pub(crate) fn recycle(samples: impl IntoIterator<Item = Vec<u8>>) {
 }
 
 /// Packed records; their buffers are kept for later calls when this is dropped.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct PackBuffers(pub(crate) Vec<Packed>);
-
-impl PackBuffers {
-    fn take(count: usize) -> Self {
-        let mut buffers = lock(&BUFFERS);
-        let left = buffers.len().saturating_sub(count);
-        let mut taken = buffers.split_off(left);
-        taken.resize_with(count, Packed::default);
-        Self(taken)
-    }
-}
 
 impl Drop for PackBuffers {
     fn drop(&mut self) {
@@ -135,65 +126,39 @@ fn pack_on<E>(
     records: &[(Shape, &[u8])],
     mut take: impl FnMut(usize, &Packed) -> Result<(), E>,
 ) -> Result<PackBuffers, E> {
-    let mut all = PackBuffers::take(records.len());
-    let buffers = &mut all.0;
-    let helper_count = helpers.map_or(0, ThreadPool::current_num_threads).min(records.len().saturating_sub(1));
-    {
-        let (give, jobs) = bounded(records.len());
-        for job in buffers.iter_mut().zip(records).enumerate() {
-            drop(give.send(job)); // room for all
+    // `None` where packing has panicked.
+    let slots: Vec<OnceLock<Option<Packed>>> = records.iter().map(|_| OnceLock::new()).collect();
+    let next = AtomicUsize::new(0);
+    // Packs the record that is next; false if none is left.
+    let pack_one = || {
+        let number = next.fetch_add(1, Ordering::Relaxed);
+        let Some((shape, samples)) = records.get(number) else { return false };
+        let mut buffer = lock(&BUFFERS).pop().unwrap_or_default();
+        let outcome = catch_unwind(AssertUnwindSafe(|| shape.pack(samples, &mut buffer)));
+        drop(slots[number].set(outcome.is_ok().then_some(buffer)));
+        outcome.map(|()| true).unwrap_or_else(|panic| resume_unwind(panic))
+    };
+    let mut here = || {
+        for (number, slot) in slots.iter().enumerate() {
+            // Until it is ready this thread packs too, and waits when none is left.
+            while slot.get().is_none() && pack_one() {}
+            // If a thread has panicked, the scope passes that on.
+            let Some(packed) = slot.wait() else { break };
+            take(number, packed)?;
         }
-        drop(give);
-        let (done, ready) = bounded(records.len());
-        let mut here = || {
-            let mut packed: Vec<Option<&Packed>> = vec![None; records.len()];
-            for number in 0..records.len() {
-                let this = loop {
-                    ready.try_iter().for_each(|(number, buffer)| packed[number] = Some(buffer));
-                    if let Some(this) = packed[number] {
-                        break this;
-                    }
-                    // Until the next record is ready this thread packs too, and waits when none is left.
-                    if let Ok((number, (buffer, (shape, samples)))) = jobs.try_recv() {
-                        shape.pack(samples, buffer);
-                        packed[number] = Some(buffer);
-                    } else {
-                        // A thread has panicked; the scope passes that on.
-                        let Ok((number, buffer)) = ready.recv() else { return Ok(()) };
-                        packed[number] = Some(buffer);
-                    }
-                };
-                if let Err(error) = take(number, this) {
-                    // The other records are not needed.
-                    jobs.try_iter().for_each(drop);
-                    return Err(error);
-                }
+        Ok(())
+    };
+    match helpers {
+        None => here()?,
+        Some(helpers) => helpers.in_place_scope(|scope| {
+            for _ in 1..records.len().min(helpers.current_num_threads() + 1) {
+                scope.spawn(|_| while pack_one() {});
             }
-            Ok(())
-        };
-        match helpers {
-            None => {
-                drop(done);
-                here()?;
-            }
-            Some(helpers) => helpers.in_place_scope(|scope| {
-                for _ in 0..helper_count {
-                    let (jobs, done) = (jobs.clone(), done.clone());
-                    scope.spawn(move |_| {
-                        for (number, (buffer, (shape, samples))) in jobs {
-                            shape.pack(samples, buffer);
-                            if done.send((number, &*buffer)).is_err() {
-                                return;
-                            }
-                        }
-                    });
-                }
-                drop(done);
-                here()
-            })?,
-        }
+            // After an error the other records are not needed.
+            here().inspect_err(|_| next.store(records.len(), Ordering::Relaxed))
+        })?,
     }
-    Ok(all)
+    Ok(PackBuffers(slots.into_iter().filter_map(|slot| slot.into_inner().flatten()).collect()))
 }
 
 fn begin(thread_count: usize) -> Option<ThreadPool> {
