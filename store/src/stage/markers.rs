@@ -1,8 +1,8 @@
 //! Markers of finished files: a marker is written before the file is renamed, and removed when every other stage has been
 //! notified. After a `store` that was killed in between, the next one notifies them, so that no stage waits for ever.
 
-use std::fs;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 use serde::{Deserialize, Serialize};
 use tapline_wire::{CasingHeader, Stamp, casing_number};
@@ -49,11 +49,7 @@ impl Marker {
     /// Writes it beside the unfinished file `open`; returns its path.
     pub(super) fn write(&self, open: &Path) -> Result<PathBuf> {
         let path = open.with_extension(ENDING);
-        let text = serde_json::to_string(self).map_err(|error| Error::Io {
-            action: "write",
-            path: path.clone(),
-            source: error.into(),
-        })?;
+        let text = serde_json::to_string(self).map_err(io::Error::from).context("write", &path)?;
         fs::write(&path, text).context("write", &path)?;
         Ok(path)
     }

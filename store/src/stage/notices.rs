@@ -15,7 +15,7 @@ use super::{Result, RunError, StageLoop, markers};
 const SUPERVISOR_EVERY: Duration = Duration::from_millis(500);
 
 /// A notice that is sent once: a file was closed, a proposal refused.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Once {
     kind: RecordKind,
     header: CasingHeader,
@@ -63,13 +63,15 @@ impl<'a> Notices<'a> {
     /// Queues the notice that a file is closed for every stage that it concerns.
     pub(super) fn closed(&mut self, closed: Closed) {
         let to = closed.acquire.map(Role::Acquire);
-        let marker = Rc::new(closed.marker);
-        for receiver in &mut self.receivers {
-            if matches!(receiver.role, Role::Fuse | Role::Supervisor) || Some(receiver.role) == to {
-                let text = closed.path.display().to_string();
-                let marker = Some(Rc::clone(&marker));
-                receiver.once.push_back(Once { kind: RecordKind::Closed, header: closed.header, text, marker });
-            }
+        let concerns = |role| matches!(role, Role::Fuse | Role::Supervisor) || Some(role) == to;
+        let (text, marker) = (closed.path.display().to_string(), Some(Rc::new(closed.marker)));
+        self.queue(&Once { kind: RecordKind::Closed, header: closed.header, text, marker }, concerns);
+    }
+
+    /// Queues `once` for the receivers that it `concerns`.
+    fn queue(&mut self, once: &Once, concerns: impl Fn(Role) -> bool) {
+        for receiver in self.receivers.iter_mut().filter(|receiver| concerns(receiver.role)) {
+            receiver.once.push_back(once.clone());
         }
     }
 
@@ -84,19 +86,15 @@ impl<'a> Notices<'a> {
 
     /// Queues for the supervisor why the archive cannot be written; empty when it can.
     pub(super) fn outage(&mut self, why: &str) {
-        for receiver in self.receivers.iter_mut().filter(|receiver| receiver.role == Role::Supervisor) {
-            let header = CasingHeader::default();
-            receiver.once.push_back(Once { kind: RecordKind::Alarm, header, text: why.to_owned(), marker: None });
-        }
+        let once =
+            Once { kind: RecordKind::Alarm, header: CasingHeader::default(), text: why.to_owned(), marker: None };
+        self.queue(&once, |role| role == Role::Supervisor);
     }
 
     /// Queues the notice that a proposal is refused, or its casing finished already, for the station and the supervisor.
     pub(super) fn answer(&mut self, acquire: u16, kind: RecordKind, header: CasingHeader, text: &str) {
-        for receiver in &mut self.receivers {
-            if receiver.role == Role::Acquire(acquire) || receiver.role == Role::Supervisor {
-                receiver.once.push_back(Once { kind, header, text: text.to_owned(), marker: None });
-            }
-        }
+        let concerns = |role| role == Role::Acquire(acquire) || role == Role::Supervisor;
+        self.queue(&Once { kind, header, text: text.to_owned(), marker: None }, concerns);
     }
 }
 

@@ -2,14 +2,14 @@
 //! and is removed once the verdict is reported. A line that is killed in between reports it after its next start.
 
 use std::fs::{self, File};
-use std::io::Write as _;
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use tapline_wire::{CasingHeader, now_ns};
 
 use super::places::Places;
-use crate::error::{Context as _, Error, Result};
+use crate::error::{Context as _, Result};
 use crate::file::draft::sync_folder_of;
 
 /// End of the name of a note that is being written.
@@ -57,7 +57,7 @@ impl Unreported {
         }
         let path = folder.join(self.id());
         let draft = path.with_extension(DRAFT);
-        let write = || -> std::io::Result<()> {
+        let write = || -> io::Result<()> {
             let mut file = File::create(&draft)?;
             file.write_all(&serde_json::to_vec(self)?)?;
             file.sync_all()?;
@@ -73,11 +73,7 @@ impl Unreported {
     /// What the system returns, or that it is no note.
     pub fn read(path: &Path) -> Result<Self> {
         let text = fs::read(path).context("read", path)?;
-        serde_json::from_slice(&text).map_err(|error| Error::Io {
-            action: "read",
-            path: path.to_owned(),
-            source: error.into(),
-        })
+        serde_json::from_slice(&text).map_err(io::Error::from).context("read", path)
     }
 }
 
