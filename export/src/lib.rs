@@ -60,17 +60,16 @@ pub enum Export {
 impl Export {
     /// All five.
     pub const ALL: [Self; 5] = [Self::Discriminators, Self::Damage, Self::Regions, Self::Verdicts, Self::Ledger];
-
-    /// The table's name on the command line.
-    pub fn name(self) -> &'static str {
-        ["discriminators", "damage", "regions", "verdicts", "ledger"][self as usize]
-    }
-
-    /// The table of that name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|table| table.name() == name)
-    }
 }
+
+tapline_wire::named!(
+    Export,
+    Discriminators = "discriminators",
+    Damage = "damage",
+    Regions = "regions",
+    Verdicts = "verdicts",
+    Ledger = "ledger",
+);
 
 /// What taps are exported as.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
