@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, SystemTime};
 
-use tapline_wire::{CacheLine, PlannedTap, Serial, TapHeader, now_ns};
+use tapline_wire::{CacheLine, PlannedTap, RecordKind, Serial, TapHeader, now_ns};
 
 use crate::capture::ear::Ear;
 use crate::capture::heard::HeardCasing;
@@ -128,8 +128,8 @@ impl Arrivals for ByHand {
         Some(Duration::ZERO)
     }
 
-    fn take_alarms(&mut self) -> Vec<String> {
-        self.ear.take_alarms()
+    fn take_messages(&mut self) -> Vec<(RecordKind, String)> {
+        self.ear.take_alarms().into_iter().map(|text| (RecordKind::Alarm, text)).collect()
     }
 }
 

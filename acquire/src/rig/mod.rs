@@ -19,7 +19,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use tapline_model::SimulationConfig;
-use tapline_wire::{CacheLine, Plan, TapHeader};
+use tapline_wire::{CacheLine, Plan, RecordKind, TapHeader};
 
 use self::dialogue::{Progress, Removal, Tap};
 use self::link::Link;
@@ -189,14 +189,10 @@ impl Arrivals for RigArrivals {
         Some(self.link.dialogue().config().patience)
     }
 
-    fn take_refusals(&mut self) -> Vec<String> {
-        self.link.dialogue().take_refusals()
-    }
-
-    fn take_alarms(&mut self) -> Vec<String> {
-        let mut alarms = self.link.dialogue().take_alarms();
-        alarms.extend(self.ear.iter().flat_map(|ear| ear.take_alarms()));
-        alarms
+    fn take_messages(&mut self) -> Vec<(RecordKind, String)> {
+        let mut messages = self.link.dialogue().take_messages();
+        messages.extend(self.ear.iter().flat_map(|ear| ear.take_alarms()).map(|text| (RecordKind::Alarm, text)));
+        messages
     }
 
     fn look_every(&self) -> Duration {

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
+use tapline_wire::RecordKind;
+
 use crate::{Error, Source};
 
 /// Called from a source's own thread when something has changed (a rig has answered): wakes the polling loop.
@@ -87,13 +89,9 @@ pub trait Arrivals: Send + fmt::Debug {
         false
     }
 
-    /// Casings and sets that were skipped or put aside, with the reason, and have not been reported yet.
-    fn take_refusals(&mut self) -> Vec<String> {
-        Vec::new()
-    }
-
-    /// Other messages for people that have not been reported yet.
-    fn take_alarms(&mut self) -> Vec<String> {
+    /// Messages for people that have not been reported yet: that a casing or a set was skipped or put aside, with the reason
+    /// ([`RecordKind::Refusal`]), and others ([`RecordKind::Alarm`]).
+    fn take_messages(&mut self) -> Vec<(RecordKind, String)> {
         Vec::new()
     }
 

@@ -147,8 +147,7 @@ impl Station {
 
     /// Sends the alarms of its source, as far as possible without blocking.
     fn send_alarms(&mut self, outlet: &Outlet<'_>) -> Result<(), LineError> {
-        self.alarms.extend(self.arrivals.take_refusals().into_iter().map(|text| (RecordKind::Refusal, text)));
-        self.alarms.extend(self.arrivals.take_alarms().into_iter().map(|text| (RecordKind::Alarm, text)));
+        self.alarms.extend(self.arrivals.take_messages());
         self.alarms.truncate(ALARMS_MAX);
         while let Some((kind, text)) = self.alarms.front() {
             if !outlet.report(self.number(), *kind, text)? {

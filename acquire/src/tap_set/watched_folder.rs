@@ -12,6 +12,7 @@ use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::{Path, PathBuf};
 
 use rustix::fs::{CWD, OFlags, RenameFlags, renameat_with};
+use tapline_wire::RecordKind;
 
 use crate::{Arrival, Arrivals, Casing, CasingEnd, Error, TapSetList, listed_tap_set};
 
@@ -46,9 +47,8 @@ pub struct FolderArrivals {
     unreadable: BTreeSet<OsString>,
     /// Why the folder itself cannot be read.
     fault: Option<String>,
-    /// Alarms for people, such as sets that are left out.
-    refusals: Vec<String>,
-    alarms: Vec<String>,
+    /// Messages for people, such as sets that are left out.
+    messages: Vec<(RecordKind, String)>,
 }
 
 /// A set that was begun.
@@ -89,8 +89,7 @@ impl FolderArrivals {
             loose_count: 0,
             unreadable: BTreeSet::new(),
             fault: None,
-            refusals: Vec::new(),
-            alarms: Vec::new(),
+            messages: Vec::new(),
         })
     }
 
@@ -148,7 +147,8 @@ impl FolderArrivals {
         let set = self.folder.join(name);
         // The set is moved, and may be moved again: its files are named relative to it.
         let reason = &reason.replace(&format!("{}/", set.display()), "");
-        self.refusals.push(format!("tap set {} cannot be used: {reason}", name.display()));
+        let text = format!("tap set {} cannot be used: {reason}", name.display());
+        self.messages.push((RecordKind::Refusal, text));
         match put_into(&set, &self.folder.join(FAILED)) {
             Ok(place) => {
                 tracing::error!("station {}: tap set {} was put aside: {reason}", self.station, place.display());
@@ -171,7 +171,8 @@ impl FolderArrivals {
                 self.station,
                 set.display()
             );
-            self.alarms.push(format!("tap set {} was taken away while it was under way", name.display()));
+            let text = format!("tap set {} was taken away while it was under way", name.display());
+            self.messages.push((RecordKind::Alarm, text));
             return;
         }
         tracing::error!(
@@ -214,7 +215,8 @@ impl FolderArrivals {
                     self.half.push(format!("the tap set {}: {error}", dir.display()));
                     if self.unreadable.insert(name.clone()) {
                         tracing::error!("station {}: {}: cannot be read: {error}", self.station, dir.display());
-                        self.refusals.push(format!("tap set {} cannot be read: {error}", name.display()));
+                        let text = format!("tap set {} cannot be read: {error}", name.display());
+                        self.messages.push((RecordKind::Refusal, text));
                     }
                     continue;
                 }
@@ -306,12 +308,8 @@ impl Arrivals for FolderArrivals {
         self.fault.is_some() || !self.unreadable.is_empty()
     }
 
-    fn take_refusals(&mut self) -> Vec<String> {
-        std::mem::take(&mut self.refusals)
-    }
-
-    fn take_alarms(&mut self) -> Vec<String> {
-        std::mem::take(&mut self.alarms)
+    fn take_messages(&mut self) -> Vec<(RecordKind, String)> {
+        std::mem::take(&mut self.messages)
     }
 }
 

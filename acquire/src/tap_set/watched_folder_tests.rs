@@ -110,8 +110,9 @@ fn a_set_that_may_not_be_read_is_an_alarm() {
     assert_eq!(next(&mut folder), None);
     assert_eq!(next(&mut folder), None);
     assert!(folder.waits_for().starts_with("the tap set ") && folder.waits_for().contains("inbox/a: "));
-    let refusals = folder.take_refusals();
-    assert!(refusals.len() == 1 && refusals[0].starts_with("tap set a cannot be read: "), "{refusals:?}");
+    let messages = folder.take_messages();
+    let [(RecordKind::Refusal, refusal)] = &messages[..] else { panic!("{messages:?}") };
+    assert!(refusal.starts_with("tap set a cannot be read: "), "{refusal}");
     assert!(folder.is_blind(), "a half-judged casing of it is not gone");
 }
 

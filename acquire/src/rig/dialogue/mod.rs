@@ -11,7 +11,7 @@ use std::io::Write as _;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-use tapline_wire::OVER;
+use tapline_wire::{OVER, RecordKind};
 
 use self::last_end::LastEnd;
 use crate::rig::RigConfig;
@@ -29,8 +29,8 @@ const LATE_AFTER: Duration = Duration::from_secs(1);
 /// How often in a row a rig may lose its connection during one command before an alarm.
 const UNANSWERED_MAX: u32 = 3;
 
-/// Most alarms that are kept for the station.
-const ALARMS_MAX: usize = 16;
+/// Most messages that are kept for the station.
+const MESSAGES_MAX: usize = 32;
 
 /// The state of the dialogue; it outlasts a connection.
 #[derive(Debug, Default)]
@@ -69,9 +69,8 @@ pub(crate) struct Dialogue {
     unexpected: (u32, Option<Instant>),
     last_id: u64,
     last_unknown_name: String,
-    alarms: Vec<String>,
-    /// Casings that were skipped.
-    refusals: Vec<String>,
+    /// Alarms, and casings that were skipped.
+    messages: Vec<(RecordKind, String)>,
 }
 
 #[derive(Debug)]
@@ -332,7 +331,7 @@ impl Dialogue {
         if let Some(serial) = self.loaded.take() {
             let text = format!("casing {serial} was taken away before its scan began; it has no verdict");
             tracing::error!("station {}: {text}", self.config.station);
-            self.refuse(text);
+            self.report(RecordKind::Refusal, text);
         }
     }
 
@@ -347,14 +346,12 @@ impl Dialogue {
     }
 
     fn alarm(&mut self, text: String) {
-        if self.alarms.len() < ALARMS_MAX {
-            self.alarms.push(text);
-        }
+        self.report(RecordKind::Alarm, text);
     }
 
-    fn refuse(&mut self, text: String) {
-        if self.refusals.len() < ALARMS_MAX {
-            self.refusals.push(text);
+    fn report(&mut self, kind: RecordKind, text: String) {
+        if self.messages.len() < MESSAGES_MAX {
+            self.messages.push((kind, text));
         }
     }
 

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use tapline_wire::{OVER, Serial, now_ns};
+use tapline_wire::{OVER, RecordKind, Serial, now_ns};
 
 use super::{Command, Current, Dialogue, Hit, RigConfig, Step, Tap, stopped};
 use crate::rig::protocol::{RigMessage, UNKNOWN, VELOCITY_MAX_M_PER_S, VERSION, one_line};
@@ -153,7 +153,7 @@ impl Dialogue {
             && let Err(error) = Serial::new(serial)
         {
             tracing::error!("station {station}: a casing is skipped: {error}");
-            self.refuse(format!("a casing is skipped: {error}"));
+            self.report(RecordKind::Refusal, format!("a casing is skipped: {error}"));
             self.send(&format!("error {}", one_line(&error.to_string())));
             self.discard_loaded();
             self.remove_current("another casing was put on the rig before its last tap");

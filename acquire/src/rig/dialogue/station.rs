@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use tapline_wire::now_ns;
+use tapline_wire::{RecordKind, now_ns};
 
 use super::{Command, Current, Dialogue, Hit, LoadedCasing, Progress, Removal, Step, Tap};
 use crate::rig::protocol::UNKNOWN;
@@ -104,14 +104,9 @@ impl Dialogue {
         self.away_since = None;
     }
 
-    /// The casings that were skipped since the last call.
-    pub(crate) fn take_refusals(&mut self) -> Vec<String> {
-        std::mem::take(&mut self.refusals)
-    }
-
-    /// The alarms since the last call.
-    pub(crate) fn take_alarms(&mut self) -> Vec<String> {
-        std::mem::take(&mut self.alarms)
+    /// The messages since the last call.
+    pub(crate) fn take_messages(&mut self) -> Vec<(RecordKind, String)> {
+        std::mem::take(&mut self.messages)
     }
 
     /// Why the rig takes no commands, as text for people; `None` while it does.

@@ -104,7 +104,7 @@ fn patience_ends() {
     let Readiness::Gone(why) = bench.poll(&mut casing, 0) else { panic!("not gone") };
     assert_eq!(why, "the rig was away for more than 0.05 s");
     // People hear of it at once, not when patience ends.
-    let alarms = bench.arrivals.take_alarms();
+    let alarms = bench.alarms();
     assert!(alarms[0].starts_with("casing T: the connection to the rig is lost: "), "{alarms:?}");
     assert_eq!(alarms[1..], ["casing T: the rig was away for more than 0.05 s"]);
     // It comes back with nothing, and then with the same casing: that is scanned anew.
@@ -195,18 +195,18 @@ fn a_hit_that_is_not_answered_is_an_alarm() {
     rig.is_homed(&bench, &mut casing, 2, "homed\n");
     rig.say("ready\n");
     assert_eq!(rig.hear(), "hit 1.85");
-    assert_eq!(bench.arrivals.take_alarms(), [""; 0]);
+    assert_eq!(bench.alarms(), [""; 0]);
     let since = Instant::now();
     let mut alarms = Vec::new();
     while alarms.is_empty() {
         assert!(since.elapsed() < LONG, "no alarm");
         bench.pause();
-        alarms = bench.arrivals.take_alarms();
+        alarms = bench.alarms();
     }
     assert_eq!(alarms, ["the rig has not answered \"hit 1.85\" for 1s"]);
     rig.say("hit 1.84\n");
     assert_eq!(bench.poll(&mut casing, 2), Readiness::Ready, "late is not lost");
-    assert_eq!(bench.arrivals.take_alarms(), [""; 0]);
+    assert_eq!(bench.alarms(), [""; 0]);
 }
 
 #[test]
@@ -237,7 +237,7 @@ fn a_rig_that_never_does_what_it_is_told_is_an_alarm() {
         }
         drop(rig);
         bench.until(|waits_for| waits_for.contains("which went away"));
-        let all = bench.arrivals.take_alarms();
+        let all = bench.alarms();
         let (away, other): (Vec<_>, Vec<_>) =
             all.into_iter().partition(|alarm| alarm.starts_with("casing T: the connection to the rig is lost: "));
         away_count += away.len();
@@ -277,5 +277,5 @@ fn a_tap_that_the_rig_cannot_make_is_an_alarm() {
         rig = answer.unwrap().join().unwrap();
     }
     let want = "casing T: the rig cannot make this tap: the spring is broken";
-    assert_eq!(bench.arrivals.take_alarms(), [want]);
+    assert_eq!(bench.alarms(), [want]);
 }

@@ -95,7 +95,7 @@ fn a_second_strike_within_the_hold_off_is_told() {
     let (_rig, _cable) = again.unwrap().join().unwrap();
     let mut bench = bench;
     let told = "casing T: the rig was told to hit once, but was heard more than once";
-    let mut alarms = bench.arrivals.take_alarms();
+    let mut alarms = bench.alarms();
     // On a busy machine the rig of the test may take a second.
     alarms.retain(|alarm| !alarm.contains("has not answered"));
     assert_eq!(alarms, [told]);
@@ -133,7 +133,7 @@ fn a_hit_below_the_trigger_level_is_told_with_its_height() {
     let since = Instant::now();
     let told = loop {
         assert_eq!(casing.taps.poll(0, 0), Readiness::NotYet);
-        match bench.arrivals.take_alarms().into_iter().find(|alarm| alarm.contains("nothing was heard")) {
+        match bench.alarms().into_iter().find(|alarm| alarm.contains("nothing was heard")) {
             Some(told) => break told,
             None => bench.pause(),
         }

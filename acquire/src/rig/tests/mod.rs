@@ -58,6 +58,12 @@ struct Went {
 }
 
 impl Bench {
+    /// The alarms since the last call.
+    fn alarms(&mut self) -> Vec<String> {
+        let messages = self.arrivals.take_messages().into_iter();
+        messages.filter(|(kind, _)| *kind == RecordKind::Alarm).map(|(_, text)| text).collect()
+    }
+
     fn new(address: String, patience_s: f64, retakes: u16) -> Self {
         let [patience, timeout] = [patience_s, 5.0].map(|seconds| Duration::try_from_secs_f64(seconds).unwrap());
         Self::of(RigConfig { address, patience, timeout, home_timeout: timeout, retakes, ..RigConfig::default() })
