@@ -11,7 +11,7 @@
 use std::fs::File;
 use std::os::unix::fs::FileExt as _;
 
-use crate::h5::location::ChunkLocation;
+use crate::h5::extent::Extent;
 
 /// A file's signature, the versions of its superblock, and the sizes of addresses and lengths.
 const SUPERBLOCK: [u8; 16] = *b"\x89HDF\r\n\x1a\n\0\0\0\0\0\x08\x08\0";
@@ -25,7 +25,7 @@ const BLOCKS_MAX: usize = 64;
 const LEVELS_MAX: u8 = 16;
 
 /// A chunk: its location, and a mask of the filters that it did not go through.
-pub(crate) type Chunk = (ChunkLocation, u32);
+pub(crate) type Chunk = (Extent, u32);
 
 /// The index of a dataset's chunks.
 #[derive(Debug, PartialEq)]
@@ -131,9 +131,9 @@ impl Walk<'_> {
                 self.node(child, level)?;
                 continue;
             }
-            let (length, mask, row) = (u32_at(entry, 0)? as usize, u32_at(entry, 4)?, u64_at(entry, 8)?);
+            let (bytes, mask, row) = (u32_at(entry, 0)?.into(), u32_at(entry, 4)?, u64_at(entry, 8)?);
             let chunk = self.chunks.get_mut(usize::try_from(row).ok()?)?;
-            if chunk.replace((ChunkLocation { address: child, length }, mask)).is_some() {
+            if chunk.replace((Extent { begin: child, bytes }, mask)).is_some() {
                 return None;
             }
         }
@@ -204,14 +204,14 @@ mod tests {
                 let dataset = dataset(&path, codec, row_count);
                 let rows = ChunkRows::new(dataset.clone(), codec, 64).unwrap();
                 let locations = rows.locations(&File::open(&path).unwrap()).unwrap();
-                let mut known: Vec<Option<ChunkLocation>> = vec![None; row_count];
+                let mut known: Vec<Option<Extent>> = vec![None; row_count];
                 for number in 0..row_count {
                     let chunk = dataset.chunk_info(number).unwrap();
-                    let (address, length) = (chunk.addr, usize::try_from(chunk.size).unwrap());
                     // Blosc gains nothing on so few samples, so the library skips it for some chunks.
                     assert!(chunk.filter_mask == 0 || codec == Codec::Lz4);
-                    let location = Some(ChunkLocation { address, length }).filter(|_| chunk.filter_mask == 0);
-                    known[usize::try_from(chunk.offset[0]).unwrap()] = location;
+                    let location = Extent { begin: chunk.addr, bytes: chunk.size };
+                    known[usize::try_from(chunk.offset[0]).unwrap()] =
+                        Some(location).filter(|_| chunk.filter_mask == 0);
                 }
                 assert_eq!(locations, known, "{codec}, {row_count} rows");
             }

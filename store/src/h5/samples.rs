@@ -11,7 +11,7 @@ use hdf5_sys::h5p::H5P_DEFAULT;
 use tapline_codec::Codec;
 
 use crate::h5::chunk_index::{Chunk, index};
-use crate::h5::location::ChunkLocation;
+use crate::h5::extent::Extent;
 
 /// Rows of a `[row, channel, sample]` dataset whose chunks are one row each.
 #[derive(Debug, Clone)]
@@ -69,7 +69,7 @@ impl ChunkRows {
     ///
     /// # Errors
     /// If the index cannot be read.
-    pub(crate) fn locations(&self, file: &File) -> hdf5::Result<Vec<Option<ChunkLocation>>> {
+    pub(crate) fn locations(&self, file: &File) -> hdf5::Result<Vec<Option<Extent>>> {
         let index = self.header_address().and_then(|header| index(file, header, self.row_count(), self.dataset.ndim()));
         let chunks = index.ok_or("the index of the samples cannot be read")?.chunks;
         // The library skips a filter that gains nothing, and notes that in the mask.

@@ -9,7 +9,7 @@ use std::path::Path;
 use twox_hash::XxHash3_64;
 
 use crate::error::{Context as _, Error, Result};
-use crate::h5::location::ChunkLocation;
+use crate::h5::extent::Extent;
 
 /// First bytes of the seal; the last of them is its version.
 const BEGIN: [u8; 8] = *b"TAPSEAL\x01";
@@ -24,26 +24,6 @@ const EXTENT_BYTES: usize = 16;
 
 /// Bytes that are read at a time.
 const READ_BYTES: usize = 1 << 20;
-
-/// A stretch of a file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct Extent {
-    pub begin: u64,
-    pub bytes: u64,
-}
-
-impl Extent {
-    /// The address behind its last byte.
-    pub(crate) fn end(self) -> u64 {
-        self.begin.saturating_add(self.bytes)
-    }
-}
-
-impl From<ChunkLocation> for Extent {
-    fn from(location: ChunkLocation) -> Self {
-        Self { begin: location.address, bytes: location.length as u64 }
-    }
-}
 
 /// `extents` in ascending order, without empty ones; those that touch or overlap are joined.
 pub(crate) fn merged(mut extents: Vec<Extent>) -> Vec<Extent> {

@@ -15,9 +15,9 @@ use twox_hash::XxHash3_64;
 use crate::error::{Context as _, Error, Result};
 use crate::format::layout::table;
 use crate::h5::chunk_index::{Index, index, node_with_changes_left_out};
-use crate::h5::location::ChunkLocation;
+use crate::h5::extent::Extent;
 use crate::h5::samples::ChunkRows;
-use crate::h5::seal::{Extent, add_bytes, merged, word};
+use crate::h5::seal::{add_bytes, merged, word};
 
 /// First bytes of the record, which are nowhere else in the first bytes of a file.
 const MAGIC: [u8; 16] = *b"tapline struct\r\x01";
@@ -109,7 +109,7 @@ pub(crate) fn write(path: &Path, changing: Changing) -> std::io::Result<()> {
     let mut nodes = Vec::new();
     if let Some((header, row_count)) = changing.samples {
         let index = index(&file, header, row_count, RANK).ok_or(std::io::ErrorKind::InvalidData)?;
-        extents.extend(index.chunks.iter().flatten().map(|(location, _)| Extent::from(*location)));
+        extents.extend(index.chunks.iter().flatten().map(|(extent, _)| *extent));
         nodes = if changing.has_codec { index.nodes } else { nodes };
     }
     let (header, row_count) = changing.samples.unwrap_or((u64::MAX, 0));
@@ -205,9 +205,8 @@ impl Record {
         Ok(*hasher.finalize().as_bytes())
     }
 
-    /// Whether a chunk may lie at `location` in a file of `length` bytes: behind what was created, or where chunks lay then.
-    fn may_have(&self, location: ChunkLocation, length: u64) -> bool {
-        let extent = Extent::from(location);
+    /// Whether a chunk may lie at `extent` in a file of `length` bytes: behind what was created, or where chunks lay then.
+    fn may_have(&self, extent: Extent, length: u64) -> bool {
         let is_in_file = extent.bytes > 0 && extent.begin.checked_add(extent.bytes).is_some_and(|end| end <= length);
         let is_in = |may: &Extent| {
             let end = if may.end() == self.bytes { u64::MAX } else { may.end() };

@@ -13,7 +13,7 @@ use crate::archive::Archive;
 use crate::error::{Context, Error, Result};
 use crate::format::checksum::ChecksummedRow as _;
 use crate::format::layout::HeaderRow;
-use crate::h5::location::ChunkLocation;
+use crate::h5::extent::Extent;
 use crate::h5::samples::{ChunkRows, unpadded};
 
 /// Bytes read first: they hold the whole head of a record of up to 40 blocks; a chunk with a longer head is read whole.
@@ -39,7 +39,7 @@ pub(crate) struct SampleFile {
     file: File,
     rows: ChunkRows,
     /// The location of every row, once it was looked for.
-    locations: OnceLock<Vec<Option<ChunkLocation>>>,
+    locations: OnceLock<Vec<Option<Extent>>>,
 }
 
 impl SampleFile {
@@ -51,12 +51,12 @@ impl SampleFile {
     }
 
     /// The location of every row.
-    pub(crate) fn locations(&self) -> Result<Vec<Option<ChunkLocation>>> {
+    pub(crate) fn locations(&self) -> Result<Vec<Option<Extent>>> {
         self.rows.locations(&self.file).context("find samples", &self.path)
     }
 
     /// The location of row `row`. All are looked up at the first call.
-    pub(crate) fn location(&self, row: u32) -> Result<Option<ChunkLocation>> {
+    pub(crate) fn location(&self, row: u32) -> Result<Option<Extent>> {
         if self.locations.get().is_none() {
             let locations = self.locations()?;
             self.locations.get_or_init(|| locations);
@@ -70,7 +70,7 @@ impl SampleFile {
         &self,
         header: &TapHeader,
         stored_checksum: u64,
-        location: Option<ChunkLocation>,
+        location: Option<Extent>,
         is_beginning: bool,
         buffer: &'r mut ReadBuffer,
     ) -> Result<Samples<'r>> {
@@ -102,7 +102,7 @@ impl SampleFile {
     fn read_blocks(
         &self,
         header: &TapHeader,
-        location: ChunkLocation,
+        location: Extent,
         chunk: &mut Vec<u8>,
         beginning: &mut usize,
     ) -> io::Result<()> {
@@ -111,8 +111,8 @@ impl SampleFile {
         location.read_part(&self.file, chunk, 0..begin)?;
         for (number, part) in parts(header, self.rows.row_bytes()).enumerate() {
             // The offsets of a damaged head do not lead out of the chunk; its checksum finds the damage.
-            let head = head_of(codec, &chunk[..begin]).filter(|head| head.chunk_bytes() == location.length);
-            let extent = head.map_or(begin..location.length, |head| head.extent(&head.blocks(&part)));
+            let head = head_of(codec, &chunk[..begin]).filter(|head| head.chunk_bytes() == chunk.len());
+            let extent = head.map_or(begin..chunk.len(), |head| head.extent(&head.blocks(&part)));
             if number == 0 {
                 *beginning = extent.end;
             }
@@ -172,7 +172,7 @@ pub struct Taps {
 #[derive(Debug, Clone, Copy)]
 struct Found {
     header: HeaderRow,
-    location: Option<ChunkLocation>,
+    location: Option<Extent>,
 }
 
 impl Taps {

@@ -11,7 +11,7 @@ use crate::error::{Context, Error, Result};
 use crate::format::checksum::ChecksummedRow as _;
 use crate::format::layout::{CellRow, DiscriminatorsRow, HeaderRow, LedgerRow, ScanRow};
 use crate::format::lineage::digest_of;
-use crate::h5::location::ChunkLocation;
+use crate::h5::extent::Extent;
 use crate::read::samples::{ReadBuffer, SampleFile, checked_header};
 
 /// Something in an archive that is wrong.
@@ -187,7 +187,7 @@ fn check_samples(
     plan: &Plan,
     row: u32,
     header: &HeaderRow,
-    location: Option<ChunkLocation>,
+    location: Option<Extent>,
     buffer: &mut ReadBuffer,
 ) -> std::result::Result<(), String> {
     let checked = checked_header(Path::new(""), plan, row, *header).and_then(|of_row| {

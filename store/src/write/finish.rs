@@ -10,7 +10,7 @@ use crate::archive::Archive;
 use crate::error::{Context as _, Error, Result};
 use crate::file::background_sync::SyncErrors;
 use crate::file::draft::{rename_new, sync_folder_of};
-use crate::h5::seal::{Extent, seal};
+use crate::h5::seal::seal;
 use crate::write::Writer;
 
 /// A sealed archive that is to be synced and renamed, which may take long on a slow disk; any thread may do it.
@@ -68,7 +68,7 @@ pub(crate) fn close_and_seal(archive: Archive, states: &[TapState]) -> Result<()
         let file = File::open(&path).context("find samples", &path)?;
         let locations = archive.samples.locations(&file).context("find samples", &path)?;
         let archived = states.iter().zip(locations).filter(|(state, _)| **state == TapState::Archived);
-        samples.extend(archived.filter_map(|(_, location)| location.map(Extent::from)));
+        samples.extend(archived.filter_map(|(_, location)| location));
     }
     drop(archive);
     seal(&path, samples)
