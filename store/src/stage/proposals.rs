@@ -1,8 +1,6 @@
 //! What stations propose: a casing to open, or one to give up.
 
-use tapline_wire::{
-    CasingHeader, Plan, ProposalTopic, Received, RecordKind, ScanState, TapState, Topic as _, decode_proposal,
-};
+use tapline_wire::{Plan, ProposalTopic, Received, RecordKind, ScanState, TapState, Topic as _, decode_proposal};
 
 use super::StageLoop;
 use super::open_casing::{Due, OpenCasing};
@@ -52,12 +50,7 @@ impl StageLoop<'_> {
 
     fn propose(&mut self, acquire: u16, name: &str, plan: &Plan, room: u32) -> Result<(), RunError> {
         let station = plan.scans().first().map_or(0, |scan| scan.station);
-        let header = CasingHeader {
-            plan_digest: plan.digest(),
-            station: station.into(),
-            tap_count: u32::try_from(plan.taps().len()).unwrap_or(u32::MAX),
-            ..CasingHeader::default()
-        };
+        let header = OpenCasing::header_of(0, plan);
         if let Some(open) = self.open.iter_mut().find(|casing| casing.escaped_name == escaped(name)) {
             if (open.station, open.writer.plan().begun_digest()) == (station, plan.digest()) {
                 // It is open already: an earlier notice did not reach the station.

@@ -47,8 +47,8 @@ pub(crate) enum Half {
 /// give way to the next attempt, regardless of its number. Then the tap is settled and nothing changes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Track {
-    samples: Option<Version>,
-    discriminators: Option<Version>,
+    /// What is there, by [`Half`].
+    halves: [Option<Version>; 2],
     state: TapState,
     attempt: u16,
     retaken_count: u32,
@@ -59,25 +59,18 @@ pub(crate) struct Track {
 impl Track {
     /// A missing tap whose next attempt is `attempt`.
     pub(crate) fn missing(attempt: u16) -> Self {
-        Self {
-            samples: None,
-            discriminators: None,
-            state: TapState::Missing,
-            attempt,
-            retaken_count: 0,
-            retaken_quality: 0,
-        }
+        Self { halves: [None; 2], state: TapState::Missing, attempt, retaken_count: 0, retaken_quality: 0 }
     }
 
     /// A tap whose samples are archived, and whose discriminators are to come.
     pub(crate) fn recorded(samples: Version) -> Self {
-        Self { samples: Some(samples), ..Self::missing(samples.attempt) }
+        Self { halves: [Some(samples), None], ..Self::missing(samples.attempt) }
     }
 
     /// A tap that an earlier writer archived.
     pub(crate) fn archived(samples: Version, discriminators: Version) -> Self {
         let (state, missing) = (TapState::Archived, Self::missing(samples.attempt));
-        Self { samples: Some(samples), discriminators: Some(discriminators), state, ..missing }
+        Self { halves: [Some(samples), Some(discriminators)], state, ..missing }
     }
 
     /// A tap that an earlier writer refused.
@@ -92,11 +85,11 @@ impl Track {
 
     /// The row of the ledger; if `is_over`, with where a missing tap was lost.
     pub(crate) fn to_row(self, is_over: bool) -> LedgerRow {
-        let lost_at = match (self.samples, self.discriminators) {
+        let lost_at = match self.halves {
             _ if !is_over || self.state.is_settled() => Lost::Unknown,
-            (Some(_), _) => Lost::Process,
-            (None, Some(_)) => Lost::Store,
-            (None, None) => Lost::Acquire,
+            [Some(_), _] => Lost::Process,
+            [None, Some(_)] => Lost::Store,
+            [None, None] => Lost::Acquire,
         };
         LedgerRow {
             retaken_count: self.retaken_count,
@@ -113,19 +106,12 @@ impl Track {
 
     /// Whether discriminators of any attempt are there.
     pub(crate) fn has_discriminators(&self) -> bool {
-        self.discriminators.is_some()
-    }
-
-    fn half(&self, half: Half) -> Option<Version> {
-        match half {
-            Half::Samples => self.samples,
-            Half::Discriminators => self.discriminators,
-        }
+        self.halves[Half::Discriminators as usize].is_some()
     }
 
     /// The outcome of putting `version` of `half`.
     pub(crate) fn outcome(&self, half: Half, version: Version) -> PutOutcome {
-        if self.half(half) == Some(version) {
+        if self.halves[half as usize] == Some(version) {
             PutOutcome::AlreadyThere
         } else if self.state.is_settled() {
             PutOutcome::Conflict
@@ -136,11 +122,8 @@ impl Track {
 
     /// Records `version` of `half`; the tap is archived once both halves are of one attempt.
     pub(crate) fn record(&mut self, half: Half, version: Version) {
-        match half {
-            Half::Samples => self.samples = Some(version),
-            Half::Discriminators => self.discriminators = Some(version),
-        }
-        if let (Some(samples), Some(discriminators)) = (self.samples, self.discriminators)
+        self.halves[half as usize] = Some(version);
+        if let [Some(samples), Some(discriminators)] = self.halves
             && samples.attempt == discriminators.attempt
         {
             (self.state, self.attempt) = (TapState::Archived, samples.attempt);
@@ -201,7 +184,8 @@ mod tests {
                     track.record(half, version);
                 }
                 if track.state == TapState::Archived {
-                    prop_assert_eq!(track.samples.unwrap().attempt, track.discriminators.unwrap().attempt);
+                    let [samples, discriminators] = track.halves.map(|half| half.unwrap().attempt);
+                    prop_assert_eq!(samples, discriminators);
                 }
                 prop_assert!(outcome == PutOutcome::Conflict || track.outcome(half, version) == PutOutcome::AlreadyThere);
             }
