@@ -55,10 +55,6 @@ impl Extras {
 
     /// Reads the optional columns of `row`.
     pub(crate) fn from_row(row: &Row<'_>, geometry: Geometry) -> Result<Self, Error> {
-        let short = |column, low, high: u16| -> Result<Option<u16>, Error> {
-            let number = row.whole(column, low, u32::from(high))?;
-            Ok(number.map(|number| u16::try_from(number).unwrap_or(high)))
-        };
         let full_scale = |column| row.number(column, (0.0, false), FULL_SCALE_MAX);
         let purpose = match row.text("purpose") {
             "" => None,
@@ -71,8 +67,8 @@ impl Extras {
             return Err(row.refuse("purpose", "not closing: a line has no end to close"));
         }
         Ok(Self {
-            station: short("station", 1, u16::MAX)?,
-            attempt: short("attempt", 0, RETAKES_MAX)?.unwrap_or(0),
+            station: row.whole("station", 1, u16::MAX)?,
+            attempt: row.whole("attempt", 0, RETAKES_MAX)?.unwrap_or(0),
             purpose,
             tap_time_ns: time_ns(row)?,
             force_full_scale_n: full_scale("force_full_scale_n")?,

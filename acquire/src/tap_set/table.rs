@@ -3,7 +3,9 @@
 //! Cells are separated as in the header: by commas, semicolons or tabs. Spreadsheets write semicolons if the comma is the
 //! decimal sign; numbers may use it if semicolons separate the cells.
 
+use std::fmt::Display;
 use std::path::Path;
+use std::str::FromStr;
 
 use csv::StringRecord;
 
@@ -148,7 +150,12 @@ impl<'a> Row<'a> {
     ///
     /// # Errors
     /// A cell that has none from `low` to `high`.
-    pub fn whole(&self, column: &'static str, low: u32, high: u32) -> Result<Option<u32>, Error> {
+    pub fn whole<T: FromStr + PartialOrd + Display>(
+        &self,
+        column: &'static str,
+        low: T,
+        high: T,
+    ) -> Result<Option<T>, Error> {
         if self.text(column).is_empty() { Ok(None) } else { self.needed(column, low, high).map(Some) }
     }
 
@@ -156,8 +163,8 @@ impl<'a> Row<'a> {
     ///
     /// # Errors
     /// A cell that has none from `low` to `high`.
-    pub fn needed(&self, column: &'static str, low: u32, high: u32) -> Result<u32, Error> {
-        let number = self.text(column).parse().ok().filter(|n| (low..=high).contains(n));
+    pub fn needed<T: FromStr + PartialOrd + Display>(&self, column: &'static str, low: T, high: T) -> Result<T, Error> {
+        let number = self.text(column).parse().ok().filter(|n| *n >= low && *n <= high);
         number.ok_or_else(|| self.refuse(column, format!("a whole number from {low} to {high}")))
     }
 

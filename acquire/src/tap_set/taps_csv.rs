@@ -78,7 +78,7 @@ pub fn tap_rows(file: &Path, text: &str, geometry: Geometry) -> Result<Vec<TapRo
 
 fn tap_row(row: &Row<'_>, geometry: Geometry) -> Result<TapRow, Error> {
     // A ring is a shoulder of a casing, and a casing has two; a slab may have any number of lines.
-    let shoulder_max = if geometry == Geometry::Ring { 2 } else { u32::from(u16::MAX) };
+    let shoulder_max = if geometry == Geometry::Ring { 2 } else { u16::MAX };
     let velocity_m_per_s = row.number("velocity_m_per_s", (0.0, false), 1000.0)?;
     let velocity_measured_m_per_s = row.number(MEASURED, (0.0, true), 1000.0)?;
     let mut id = TapId::default()
@@ -87,9 +87,9 @@ fn tap_row(row: &Row<'_>, geometry: Geometry) -> Result<TapRow, Error> {
         .with_velocity_m_per_s(velocity_m_per_s)
         .map_err(|e| refuse_id(row, "velocity_m_per_s", &e))?;
     id.tyre = Serial::new(csv_text(row.text("tyre"))).map_err(|e| refuse_id(row, "tyre", &e))?;
-    id.shoulder = short(row.needed("shoulder", 1, shoulder_max)?);
+    id.shoulder = row.needed("shoulder", 1, shoulder_max)?;
     id.location = row.needed("location", 0, LOCATION_MAX)?;
-    id.repetition = short(row.whole("repetition", 0, u32::from(u16::MAX))?.unwrap_or(0));
+    id.repetition = row.whole("repetition", 0, u16::MAX)?.unwrap_or(0);
     let angle_deg = row.number("angle_deg", (0.0, true), 360.0)?;
     let extras = Extras::from_row(row, geometry)?;
     id.station = extras.station.unwrap_or(0);
@@ -102,10 +102,6 @@ fn tap_row(row: &Row<'_>, geometry: Geometry) -> Result<TapRow, Error> {
         velocity_measured_m_per_s,
         extras,
     })
-}
-
-fn short(number: u32) -> u16 {
-    u16::try_from(number).unwrap_or(u16::MAX)
 }
 
 fn refuse_id(row: &Row<'_>, column: &'static str, error: &IdError) -> Error {

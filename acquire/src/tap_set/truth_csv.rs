@@ -17,14 +17,14 @@ pub(crate) fn parse(file: &Path, text: &str) -> Result<Truth, Error> {
     let mut line_of = BTreeMap::new();
     read_rows(file, text, (COLUMNS, &[]), |row| -> Result<(), Error> {
         let tyre = Serial::new(csv_text(row.text("tyre"))).map_err(|e| row.refuse("tyre", e.bound()))?;
-        let shoulder = row.needed("shoulder", 1, u32::from(u16::MAX))?;
+        let shoulder = row.needed("shoulder", 1, u16::MAX)?;
         let location = row.needed("location", 0, LOCATION_MAX)?;
         let is_cracked = match row.text("cracked") {
             "0" | "false" => false,
             "1" | "true" => true,
             _ => return Err(row.refuse("cracked", "0, 1, false or true")),
         };
-        let key = (tyre, u16::try_from(shoulder).unwrap_or(u16::MAX), location);
+        let key = (tyre, shoulder, location);
         if let Some(first) = line_of.insert(key, row.line()) {
             let what = format!("tyre {tyre} shoulder {shoulder} location {location}");
             return Err(Error::Duplicate { file: file.to_owned(), what, first, second: row.line() });
