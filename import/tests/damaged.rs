@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use tapline_import::import;
+use tapline_testing::noise::Noise;
 use tempfile::TempDir;
 
 use crate::{files, recordings};
@@ -17,19 +18,6 @@ const CASES: [&str; 13] = [
     "wav16", "wav24", "wav_float", "csv", "hdf5_files", "hdf5_groups", "mat5_int16", "mat7_int16", "mat5_structs",
     "uff58", "uff58b", "tdms_groups", "tdms_layouts",
 ];
-
-/// Numbers that depend on nothing but their seed.
-struct Chance(u64);
-
-impl Chance {
-    fn below(&mut self, bound: usize) -> usize {
-        // Xorshift.
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        usize::try_from(self.0 % bound as u64).unwrap()
-    }
-}
 
 /// Imports a case with `bytes` in place of its first recording; the error, if there is one.
 fn import_damaged(case: &Path, damaged: &Path, bytes: &[u8]) -> Result<(), String> {
@@ -95,19 +83,20 @@ fn truncated_files_are_refused() {
 #[test]
 fn flipped_bits_do_no_harm() {
     let Some(folder) = recordings() else { return };
-    let mut chance = Chance(20_260_101);
+    let mut noise = Noise(20_260_101);
+    let mut below = |bound: usize| usize::try_from((u64::from(noise.bits()) * bound as u64) >> 32).unwrap();
     for case in CASES.into_iter().filter(|case| !case.starts_with("hdf5")) {
         let (folder, damaged) = alone(folder.path(), case);
         let whole = fs::read(&damaged).unwrap();
         let mut refused = 0;
         for round in 0..150 {
             let mut bytes = whole.clone();
-            for _ in 0..=chance.below(3) {
+            for _ in 0..=below(3) {
                 // Headers are at the beginning.
                 let range = if round % 2 == 0 { bytes.len().min(600) } else { bytes.len() };
-                let at = chance.below(range);
-                match chance.below(3) {
-                    0 => bytes[at] ^= 1 << chance.below(8),
+                let at = below(range);
+                match below(3) {
+                    0 => bytes[at] ^= 1 << below(8),
                     1 => bytes[at] = 0xff,
                     _ => bytes[at..].iter_mut().take(4).for_each(|byte| *byte = 0xff),
                 }
