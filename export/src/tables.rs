@@ -171,15 +171,22 @@ struct VerdictRow<'a> {
     counts: [u32; 3],
     /// Taps that were asked for because of what others showed.
     second_reading_count: u32,
-    /// From the first tap to the last; `None` where their times were not recorded.
-    scan_s: Option<f64>,
-    /// The judgement and its number of regions; `None` if the scan is not judged.
-    judged: Option<(Judgement, u32)>,
+    /// When the first and the last tap were made, ns since the Unix epoch; `None` where their times were not recorded.
+    times_ns: Option<(i64, i64)>,
+    /// The judgement and its regions; `None` if the scan is not judged.
+    judged: Option<(Judgement, Vec<Region>)>,
 }
 
 impl VerdictRow<'_> {
     fn value(&self, value: impl Fn(&Judgement) -> f64) -> Option<f64> {
         self.judged.as_ref().map(|(judgement, _)| value(judgement))
+    }
+
+    /// Where its regions lie, from the first to the last location of each; `None` without angles or regions.
+    fn regions_deg(&self) -> Option<String> {
+        let (_, regions) = self.judged.as_ref()?;
+        let places = regions.iter().map(|region| Some(format!("{:.0} to {:.0}", region.start_deg?, region.end_deg?)));
+        Some(places.collect::<Option<Vec<_>>>()?.join(", ")).filter(|places| !places.is_empty())
     }
 }
 
@@ -187,7 +194,10 @@ fn verdict_columns<'a>(name: Option<&str>) -> Vec<Column<VerdictRow<'a>>> {
     let mut columns = scan_columns(name, |row: &VerdictRow<'_>| row.scan);
     columns.extend([
         Column::u16("station", |row: &VerdictRow<'_>| row.scan.station),
+        Column::text("first_tap_utc", |row: &VerdictRow<'_>| utc(row.times_ns?.0)),
+        Column::text("last_tap_utc", |row: &VerdictRow<'_>| utc(row.times_ns?.1)),
         Column::text("verdict", |row: &VerdictRow<'_>| row.verdict.to_string()),
+        Column::text("regions_deg", VerdictRow::regions_deg),
         Column::text("reasons", |row: &VerdictRow<'_>| row.reasons.to_string()),
         Column::bits("reasons_bits", |row: &VerdictRow<'_>| row.reasons.bits()),
         Column::u32("planned_count", |row: &VerdictRow<'_>| count(row.scan.taps.len())),
@@ -195,11 +205,15 @@ fn verdict_columns<'a>(name: Option<&str>) -> Vec<Column<VerdictRow<'a>>> {
         Column::u32("refused_count", |row: &VerdictRow<'_>| row.counts[1]),
         Column::u32("missing_count", |row: &VerdictRow<'_>| row.counts[2]),
         Column::u32("second_reading_count", |row: &VerdictRow<'_>| row.second_reading_count),
-        Column::f64("scan_s", "s", |row: &VerdictRow<'_>| row.scan_s),
+        Column::f64("scan_s", "s", |row: &VerdictRow<'_>| {
+            row.times_ns.map(|(first, last)| (last - first) as f64 * 1e-9)
+        }),
         Column::u32("absent_count", |row: &VerdictRow<'_>| {
             row.judged.as_ref().map(|(judgement, _)| judgement.absent_count)
         }),
-        Column::u32("region_count", |row: &VerdictRow<'_>| row.judged.as_ref().map(|&(_, regions)| regions)),
+        Column::u32("region_count", |row: &VerdictRow<'_>| {
+            row.judged.as_ref().map(|(_, regions)| count(regions.len()))
+        }),
         Column::f64("limit_re_inspect", "1", |row: &VerdictRow<'_>| row.value(|judgement| judgement.limit_re_inspect)),
         Column::f64("limit_reject", "1", |row: &VerdictRow<'_>| row.value(|judgement| judgement.limit_reject)),
         Column::f64("strongest_arc", "1", |row: &VerdictRow<'_>| row.value(|judgement| judgement.strongest_arc)),
@@ -227,10 +241,10 @@ fn verdicts(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result
     let (geometry, ledger) = (reader.plan().geometry, reader.ledger());
     let scans = reader.plan().scans().iter().zip(reader.judgements()?).enumerate();
     let headers = reader.headers()?;
-    let scan_s = |scan: &Scan| {
+    let times_ns = |scan: &Scan| {
         let of_row = |&row: &u32| headers[row as usize].as_ref().map(|header| header.tap_time_ns);
         let times_ns = || scan.taps.iter().filter_map(of_row).filter(|&time_ns| time_ns != 0);
-        Some((times_ns().max()? - times_ns().min()?) as f64 * 1e-9)
+        Some((times_ns().min()?, times_ns().max()?))
     };
     let is_second = |&&row: &&u32| reader.plan().taps()[row as usize].is_second_reading();
     let rows = scans.map(|(number, (scan, judged))| {
@@ -244,11 +258,17 @@ fn verdicts(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result
             reasons,
             counts,
             second_reading_count: count(scan.taps.iter().filter(is_second).count()),
-            scan_s: scan_s(scan),
-            judged: judged.map(|(judgement, cells)| (judgement, count(regions(geometry, &cells).len()))),
+            times_ns: times_ns(scan),
+            judged: judged.map(|(judgement, cells)| (judgement, regions(geometry, &cells))),
         }
     });
     sink.rows(&columns, rows)
+}
+
+/// The time `at_ns` after the Unix epoch, to the second, as spreadsheets read it.
+fn utc(at_ns: i64) -> Option<String> {
+    let time = jiff::Timestamp::from_nanosecond(at_ns.into()).ok()?;
+    Some(time.strftime("%Y-%m-%d %H:%M:%S").to_string())
 }
 
 /// A count of taps or arcs, of which a plan has at most `u32::MAX`.

@@ -64,15 +64,15 @@ fn tables_to_the_letter() {
     );
     assert_eq!(
         exported(&reader, Export::Verdicts),
-        "tyre,shoulder,station,verdict,reasons,planned_count,archived_count,refused_count,missing_count,\
+        "tyre,shoulder,station,first_tap_utc,last_tap_utc,verdict,regions_deg,reasons,planned_count,archived_count,refused_count,missing_count,\
          second_reading_count,scan_s,absent_count,region_count,limit_re_inspect,limit_reject,strongest_arc,first_strongest_arc,re_inspect_rate,reject_rate,p_value,\
          evidence_f_max,evidence_tau,evidence_a_1,evidence_a_2,evidence_pr,evidence_p_f,evidence_e_f,evidence_centroid,\
          scatter_f_max,scatter_tau,scatter_a_1,scatter_a_2,scatter_pr,scatter_p_f,scatter_e_f,scatter_centroid,\
          level_f_max,level_tau,level_a_1,level_a_2,level_pr,level_p_f,level_e_f,level_centroid,\
          drift_f_max,drift_tau,drift_a_1,drift_a_2,drift_pr,drift_p_f,drift_e_f,drift_centroid\n\
-         A\u{e9}-1,1,1,REJECT,damage|self_reference,5,4,1,0,0,4e-9,5,1,2.5,4,8.5,,0.02,0.001,0.004,\
+         A\u{e9}-1,1,1,1970-01-01 00:00:00,1970-01-01 00:00:00,REJECT,270 to 0,damage|self_reference,5,4,1,0,0,4e-9,5,1,2.5,4,8.5,,0.02,0.001,0.004,\
          1,2,3,,5,6,7,8,,1.25,1.5,1.75,2,2.25,2.5,2.75,0.5,0.75,1,1.25,1.5,,2,2.25,0.01,0.02,,0.04,0.05,0.06,0.07,0.08\n\
-         A\u{e9}-1,2,2,RE-INSPECT,not_ended,5,4,0,1,0,2e-9,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,\n"
+         A\u{e9}-1,2,2,1970-01-01 00:00:00,1970-01-01 00:00:00,RE-INSPECT,,not_ended,5,4,0,1,0,2e-9,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,\n"
     );
     let ledger = exported(&reader, Export::Ledger);
     let lines: Vec<&str> = ledger.lines().collect();

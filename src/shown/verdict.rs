@@ -82,8 +82,17 @@ pub(crate) struct DamageArc {
     pub extent_deg: Option<f64>,
 }
 
-impl From<Region> for DamageArc {
-    fn from(region: Region) -> Self {
+/// Where `arcs` lie, for people: from the first to the last location of each, in degrees if they are known.
+pub(crate) fn places(arcs: impl Iterator<Item = DamageArc>) -> String {
+    let place = |arc: DamageArc| match (arc.start_deg, arc.end_deg) {
+        (Some(start), Some(end)) => format!("{start:.0}° to {end:.0}°"),
+        _ => format!("locations {} to {}", arc.first_location, arc.last_location),
+    };
+    arcs.map(place).collect::<Vec<_>>().join(", ")
+}
+
+impl From<&Region> for DamageArc {
+    fn from(region: &Region) -> Self {
         Self {
             first_location: region.first_location,
             last_location: region.last_location,
@@ -182,7 +191,7 @@ impl ShoulderVerdict {
             Some(region) => region.peak_damage_index.map(|index| (region.peak_location, index)),
             None => peak(cells).map(|cell| (cell.location, cell.damage_index)),
         };
-        let arcs: Vec<_> = regions.into_iter().map(DamageArc::from).collect();
+        let arcs: Vec<_> = regions.iter().map(DamageArc::from).collect();
         Ok(Self {
             tyre: scan.tyre.to_string(),
             shoulder: scan.shoulder,
@@ -200,13 +209,9 @@ impl ShoulderVerdict {
         })
     }
 
-    /// Where its regions lie, for people: from the first to the last location of each, in degrees if they are known.
+    /// Where its regions lie, for people.
     pub(crate) fn places(&self) -> String {
-        let place = |arc: &DamageArc| match (arc.start_deg, arc.end_deg) {
-            (Some(start), Some(end)) => format!("{start:.0}° to {end:.0}°"),
-            _ => format!("locations {} to {}", arc.first_location, arc.last_location),
-        };
-        self.arcs.iter().map(place).collect::<Vec<_>>().join(", ")
+        places(self.arcs.iter().cloned())
     }
 
     /// The verdict in colour, and its name.

@@ -15,7 +15,8 @@ use crate::report::pages::page::{self, figure, small_figure, verdict_word};
 use crate::report::pages::paper::{self, Paper};
 use crate::report::pages::rig::RigsOfShift;
 use crate::report::pages::tyre::boxes_words;
-use crate::report::pages::words::{LIMITS, body, side};
+use crate::report::pages::words::{LIMITS, body, moment, side};
+use crate::shown::verdict::{DamageArc, places};
 
 /// Most tyres whose index is drawn.
 const DRAWN_MOST: usize = 60;
@@ -141,7 +142,7 @@ fn overview(evidence: &Evidence, order: &[(&Tyre, &String)]) -> Markup {
         h2 { "Overview" }
         div class="scroll" { table class="cards" {
             thead { tr {
-                th { (body(geometry)) } th { "verdict" } th { "by " (side(geometry)) } th class="n" { "regions" } th class="n" { "strongest arc" } th class="n" { "station" }
+                th { (body(geometry)) } th { "tapped" } th { "verdict" } th { "by " (side(geometry)) } th class="n" { "regions" } th class="n" { "strongest arc" } th class="n" { "station" }
             } }
             tbody { @for (tyre, name) in order { tr {
                 td class="tyre" data-label=(body(geometry)) { a href=(name) { (tyre.serial) }
@@ -150,14 +151,23 @@ fn overview(evidence: &Evidence, order: &[(&Tyre, &String)]) -> Markup {
                         span class="at" { (name.trim_end_matches(".html")) }
                     }
                 }
+                td data-label="tapped" { (tapped_at(tyre)) }
                 td data-label="verdict" { (verdict_word(tyre.verdict())) }
-                td data-label={ "by " (side(geometry)) } { @for shoulder in &tyre.shoulders { (shoulder.number) ": " (shoulder.verdict) " " br; } }
+                td data-label={ "by " (side(geometry)) } { @for shoulder in &tyre.shoulders {
+                    (shoulder.number) ": " (shoulder.verdict) @if !shoulder.regions.is_empty() { ", " (places(shoulder.regions.iter().map(DamageArc::from))) } " " br;
+                } }
                 td class="n" data-label="regions" { (tyre.shoulders.iter().map(|shoulder| shoulder.regions.len()).sum::<usize>()) }
                 td class="n" data-label="strongest arc" { (tyre.strongest_arc().map_or_else(|| "none".to_owned(), |arc| format!("{arc:.2}"))) }
                 td class="n" data-label="station" { (tyre.stations().iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")) }
             } } }
         } }
     }
+}
+
+/// When `tyre` was tapped last; empty if that was not recorded.
+fn tapped_at(tyre: &Tyre) -> String {
+    let times_ns = tyre.taps().filter_map(|tap| tap.time_ns).filter(|&time_ns| time_ns != 0);
+    times_ns.max().map_or_else(String::new, moment)
 }
 
 fn indices(evidence: &Evidence, order: &[(&Tyre, &String)]) -> Result<Markup> {
