@@ -60,7 +60,6 @@ pub(crate) fn groups(bench: &Bench) -> Result<Vec<Group>> {
     };
     let mut groups = Vec::new();
     let populations = populations(&bench.size);
-    let all = (Simulator::ALL.len() * populations.len()) as f64 * bench.size.seed_count as f64;
     for simulator in Simulator::ALL {
         for &(sound, cracked) in populations {
             for seed in bench.seeds() {
@@ -74,7 +73,6 @@ pub(crate) fn groups(bench: &Bench) -> Result<Vec<Group>> {
                     judged.push((scene, set(scene, tyres(scene, casings.cracked))?));
                 }
                 groups.push(Group { simulator, seed, reference: set(sound, reference)?, judged });
-                bench.progress.at(groups.len() as f64 / all);
             }
         }
     }

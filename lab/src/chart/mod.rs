@@ -9,7 +9,6 @@ mod page;
 mod panel;
 mod panels;
 mod point;
-mod progress;
 pub mod provenance;
 mod size;
 mod stability;
@@ -24,12 +23,12 @@ use anyhow::{Context as _, Result, bail, ensure};
 use tapline_acquire::TapSet;
 use tapline_host::arguments::ForceArgs;
 use tapline_host::atomic_file::{check_folder, write_texts};
+use tapline_host::progress::{Progress, Unit};
 use tapline_host::stdout::Stdout;
 
 use self::casings::Group;
 use self::panel::{Facet, Panel, Skipped};
 use self::panels::{Entry, PANELS};
-use self::progress::Progress;
 use self::provenance::Provenance;
 use self::size::Size;
 
@@ -61,7 +60,7 @@ pub struct ChartArgs {
 pub(crate) struct Bench {
     size: Size,
     seed: u64,
-    progress: Progress,
+    progress: RefCell<Progress>,
     recordings: PathBuf,
     groups: OnceCell<Vec<Group>>,
     skipped: RefCell<Vec<Skipped>>,
@@ -79,7 +78,7 @@ impl Bench {
 
     /// Leaves something out, with a notice.
     fn skip(&self, panel: &'static str, why: &str) {
-        self.progress.print(&format!("chart: NOTICE: {panel}: {why}"));
+        self.progress.borrow().print(&format!("chart: NOTICE: {panel}: {why}"));
         self.skipped.borrow_mut().push(Skipped { panel, why: why.to_owned() });
     }
 
@@ -119,13 +118,20 @@ pub fn chart(args: &ChartArgs) -> Result<()> {
     check_folder(&folder, args.force.existing())?;
     let wanted = wanted(&args.panel)?;
     let bench = Bench::new(args, &wanted);
+    let mut done_s = 0.0;
+    let mut begin = |name: &str, expected_s: f64| {
+        let mut progress = bench.progress.borrow_mut();
+        progress.print(&format!("chart: {name}, {expected_s:.0} s expected"));
+        progress.update(done_s as u64);
+        done_s += expected_s;
+    };
     if wanted.iter().any(|entry| entry.uses_casings) {
-        bench.progress.begin("casings", casings::expected_s(&bench.size));
+        begin("casings", casings::expected_s(&bench.size));
         bench.groups()?;
     }
     let mut panels = Vec::new();
     for entry in wanted {
-        bench.progress.begin(entry.name, (entry.expected_s)(&bench.size));
+        begin(entry.name, (entry.expected_s)(&bench.size));
         let panel = (entry.measure)(&bench).with_context(|| format!("cannot measure the panel {}", entry.name))?;
         let panel = Panel { name: entry.name, ..panel };
         // A panel whose recordings are missing has nothing to show; the notice stays.
@@ -136,7 +142,7 @@ pub fn chart(args: &ChartArgs) -> Result<()> {
     let files = files(&panels, &bench.skipped.borrow(), &Provenance::here(args.seed, args.quick))?;
     let files: Vec<_> = files.into_iter().map(|(name, text)| (folder.join(name), text)).collect();
     write_texts(&files, args.force.existing())?;
-    bench.progress.end();
+    bench.progress.borrow().finish();
     print_defaults(&panels)?;
     Ok(())
 }
@@ -149,7 +155,8 @@ impl Bench {
         Self {
             size,
             seed: args.seed,
-            progress: Progress::new(total_s),
+            // Of the seconds that the parts are expected to take, those of parts that are done.
+            progress: RefCell::new(Progress::new(Some(total_s.ceil() as u64), Unit::Part)),
             recordings: args.recordings.clone(),
             groups: OnceCell::new(),
             skipped: RefCell::default(),

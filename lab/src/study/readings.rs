@@ -16,13 +16,12 @@ use crate::simulated::Reading;
 pub(crate) type AreasOfSet = (&'static str, Vec<Vec<Areas>>);
 
 /// The areas of the default index by the healthy reference, of each set, in records of `sample_count` samples. `tyres` is how many a
-/// set has, and `tick` is called after each set.
+/// set has.
 pub(crate) fn by_readings(
     readings: &[Reading],
     sample_count: u32,
     tyres: usize,
     seeds: impl Iterator<Item = u64>,
-    tick: impl Fn(),
 ) -> Result<Vec<AreasOfSet>> {
     let size = Size::full_study(tyres);
     let sets: Vec<Set> = sets()
@@ -37,7 +36,6 @@ pub(crate) fn by_readings(
                 Ok(Areas::new(&judge(&FuseConfig::default(), &split.judged()?, Some(&split.healthy()?))?))
             })?;
             by_reading.iter_mut().zip(areas).for_each(|(of_reading, areas)| of_reading.push(areas));
-            tick();
         }
     }
     Ok(found)

@@ -56,8 +56,7 @@ fn measure(bench: &Bench) -> Result<Panel> {
         &taps(&mut line, bench.size.taps)?,
         &mut table,
     )?];
-    for (place, (folder, name, title)) in RECORDED.into_iter().enumerate() {
-        bench.progress.at((place + 1) as f64 / (RECORDED.len() + 1) as f64);
+    for (folder, name, title) in RECORDED {
         if let Some(mut set) = bench.recorded("codecs", folder)? {
             facets.push(facet(bench, name, title, &taps(&mut set, bench.size.taps)?, &mut table)?);
         }

@@ -88,17 +88,16 @@ fn measure(bench: &Bench) -> Result<Panel> {
     let rules = rules(&bench.size);
     let costs = costs(bench, groups, &rules)?;
     let mut facets = Vec::new();
-    for (number, simulator) in Simulator::ALL.into_iter().enumerate() {
+    for simulator in Simulator::ALL {
         let (mut points, mut ring) = (Vec::new(), Vec::new());
         let (size, seed) = (&bench.size, bench.seed);
         let failures: Vec<Vec<Failure>> =
             rules.par_iter().map(|&rule| failures(size, seed, groups, simulator, rule)).collect::<Result<_>>()?;
-        for (place, ((&rule, &cost), failures)) in rules.iter().zip(&costs).zip(failures).enumerate() {
+        for ((&rule, &cost), failures) in rules.iter().zip(&costs).zip(failures) {
             let inspected = inspect(groups, simulator, &|group| rule.judging(size, group))?;
             points.push(point(bench, rule, cost, &inspected)?.failing(failures.clone()));
             let of_ring = ring_points(bench, rule, cost, &inspected).into_iter();
             ring.extend(of_ring.map(|point| point.failing(failures.clone())));
-            bench.progress.at((number as f64 + (place + 1) as f64 / rules.len() as f64) / 2.0);
         }
         facets.push(locations(bench, simulator, points));
         facets.push(shoulders(bench, simulator, ring));

@@ -122,15 +122,14 @@ fn measure(bench: &Bench) -> Result<Panel> {
     let mut table = Table::new("plans", title, columns.split(' '));
     let mut facets = Vec::new();
     let plans = tried(bench.size.is_full);
-    for (number, simulator) in Simulator::ALL.into_iter().enumerate() {
+    for simulator in Simulator::ALL {
         let mut points = Vec::new();
-        for (place, plan) in plans.iter().enumerate() {
+        for plan in &plans {
             let size = &bench.size;
             let configure = |group: &Group| judging(size, group, plan);
             let inspected = inspect(groups, simulator, &configure)?;
             points.push(point(plan, &inspected, stated)?);
             table.push(row(simulator, plan, &inspected)?);
-            bench.progress.at((number as f64 + (place + 1) as f64 / plans.len() as f64) / Simulator::ALL.len() as f64);
         }
         facets.push(Facet {
             cost: Quantity::log("Time of a casing on the rig", "s"),

@@ -26,7 +26,6 @@ fn measure(bench: &Bench) -> Result<Panel> {
         for &casings in &all {
             let configure = |group: &Group| judging(group, casings, &taps);
             found.push((simulator, casings, inspect(groups, simulator, &configure)?));
-            bench.progress.at(found.len() as f64 / (all.len() * Simulator::ALL.len()) as f64);
         }
     }
     let mut facets = Vec::new();

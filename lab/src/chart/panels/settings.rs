@@ -61,7 +61,7 @@ fn failures(bench: &Bench, heard: &Heard) -> Result<Vec<Failure>> {
 fn measure(bench: &Bench) -> Result<Panel> {
     let settings = settings();
     let costs = costs(bench, &settings)?;
-    let found = found(bench, &settings, &scenes::ALL, |part| bench.progress.at(part))?;
+    let found = found(bench, &settings, &scenes::ALL)?;
     let failures = settings.iter().map(|heard| failures(bench, heard)).collect::<Result<Vec<_>>>()?;
     let facet = |simulator: Simulator| {
         let points = settings.iter().enumerate();

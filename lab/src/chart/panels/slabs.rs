@@ -106,11 +106,10 @@ struct Taps {
 
 fn measure(bench: &Bench) -> Result<Panel> {
     let mut facets = Vec::new();
-    for (number, slab) in SLABS.iter().enumerate() {
+    for slab in &SLABS {
         if let Some(set) = bench.recorded("slabs", slab.folder)? {
             facets.push(facet(bench, slab, &taps(set)?)?);
         }
-        bench.progress.at((number + 1) as f64 / SLABS.len() as f64);
     }
     Ok(Panel::new(
         "What do recorded taps say?",

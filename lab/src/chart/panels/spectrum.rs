@@ -93,7 +93,7 @@ struct Tap {
 fn measure(bench: &Bench) -> Result<Panel> {
     let ways = ways();
     let mut by_seed = [vec![Vec::new(); ways.len()], vec![Vec::new(); ways.len()]];
-    for (number, seed) in bench.seeds().enumerate() {
+    for seed in bench.seeds() {
         let clean = taps(bench, seed, false)?;
         let noisy = taps(bench, seed, true)?;
         let truths: Vec<Powers> = clean.iter().map(truth).collect::<Result<_>>()?;
@@ -101,7 +101,6 @@ fn measure(bench: &Bench) -> Result<Panel> {
             let errors: Vec<f64> = ways.par_iter().map(|way| error(*way, taps, &truths)).collect::<Result<_>>()?;
             by_seed.iter_mut().zip(errors).for_each(|(by_seed, error)| by_seed.push(error));
         }
-        bench.progress.at(0.6 * (number + 1) as f64 / bench.size.seed_count as f64);
     }
     let costs = costs(bench, &ways)?;
     let [clean, noisy] = by_seed;

@@ -33,13 +33,11 @@ fn measure(bench: &Bench) -> Result<Panel> {
     fast.resize_with(cases.len(), Vec::new);
     paced.resize_with(cases.len(), Vec::new);
     let period = Duration::from_secs(1) / PACE_PER_S;
-    for round in 0..size.hop_rounds {
+    for _ in 0..size.hop_rounds {
         for (place, &(kib, way)) in cases.iter().enumerate() {
             let count = (size.hops * 64 / kib as u64).clamp(size.hops / 16, 4 * size.hops);
             fast[place].push(run(way, Size::whole(kib * 1024), count, None)?);
             paced[place].push(run(way, Size::whole(kib * 1024), size.paced, Some(period))?);
-            let done = (round * cases.len() + place + 1) as f64 / (size.hop_rounds * cases.len()) as f64;
-            bench.progress.at(done);
         }
     }
     let facets = vec![

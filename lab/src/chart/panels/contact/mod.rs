@@ -97,7 +97,7 @@ fn measure(bench: &Bench) -> Result<Panel> {
 fn ladder(bench: &Bench, places: Places, name: &str, title: &str) -> Result<Facet> {
     let size = &bench.size;
     let mut by_seed = vec![Vec::new(); Rung::ALL.len()];
-    for (number, seed) in bench.seeds().enumerate() {
+    for seed in bench.seeds() {
         let scenes = places.scenes(seed, size.contacts);
         let truths: Vec<[f64; 4]> =
             scenes.iter().map(|scene| Ok(Solved::new(&Impact::full(scene)?).quantities())).collect::<Result<_>>()?;
@@ -106,8 +106,6 @@ fn ladder(bench: &Bench, places: Places, name: &str, title: &str) -> Result<Face
                 scenes.iter().zip(&truths).map(|(scene, truth)| error(quantities(rung, scene), *truth)).collect();
             by_seed.push(quantile(&errors, SHARE).context("there are contacts")?);
         }
-        let half = if places == Places::Shallow { 0.0 } else { 0.5 };
-        bench.progress.at(half + 0.4 * (number + 1) as f64 / size.seed_count as f64);
     }
     let scenes = places.scenes(bench.seed, size.taps);
     let mut workloads: Vec<Workload<'_>> =

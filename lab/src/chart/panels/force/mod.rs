@@ -44,10 +44,8 @@ fn measure(bench: &Bench) -> Result<Panel> {
         against_truth(bench, ("f_max", "Peak force, noise of 1 % of the peak"), &peaks, &costs(bench, &peaks)?)?,
         against_truth(bench, ("tau", "Contact time, noise of 1 % of the peak"), &times, &of_times)?,
     ];
-    bench.progress.at(0.2);
-    for (number, simulator) in Simulator::ALL.into_iter().enumerate() {
+    for simulator in Simulator::ALL {
         facets.push(detection::alone(bench, simulator, &times, &of_times)?);
-        bench.progress.at(0.6 + 0.4 * number as f64);
     }
     Ok(Panel::new(
         "How are the peak and the duration of a pulse found?",

@@ -30,10 +30,10 @@ pub(super) const ENTRY: Entry = Entry {
 fn measure(bench: &Bench) -> Result<Panel> {
     let lengths = Heard::lengths();
     let of_lengths = costs(bench, &lengths)?;
-    let found_lengths = found(bench, &lengths, &scenes::ALL, |part| bench.progress.at(0.5 * part))?;
+    let found_lengths = found(bench, &lengths, &scenes::ALL)?;
     let converters = Heard::converters(&bench.size);
     let of_converters = costs(bench, &converters)?;
-    let found_converters = found(bench, &converters, &scenes::FAINT, |part| bench.progress.at(0.5 + 0.2 * part))?;
+    let found_converters = found(bench, &converters, &scenes::FAINT)?;
     let mut facets = Vec::new();
     for simulator in Simulator::ALL {
         for what in [What::Bytes, What::Time, What::Converter] {

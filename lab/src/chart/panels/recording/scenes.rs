@@ -35,24 +35,14 @@ impl Found {
     }
 }
 
-/// Every scene of `populations` and every seed of both simulators, as each of `heard` reads it; `tick` gets the fraction
-/// done.
-pub(in crate::chart::panels) fn found(
-    bench: &Bench,
-    heard: &[Heard],
-    populations: &[&[Scene]],
-    tick: impl Fn(f64),
-) -> Result<Vec<Found>> {
+/// Every scene of `populations` and every seed of both simulators, as each of `heard` reads it.
+pub(in crate::chart::panels) fn found(bench: &Bench, heard: &[Heard], populations: &[&[Scene]]) -> Result<Vec<Found>> {
     let populations = if bench.size.is_full { populations } else { &populations[..1] };
     let mut all = Vec::new();
-    let count = (Simulator::ALL.len() * populations.len()) as f64 * bench.size.seed_count as f64;
-    let mut done = 0.0;
     for simulator in Simulator::ALL {
         for scenes in populations {
             for seed in bench.seeds() {
                 all.extend(of_population(bench, heard, simulator, scenes, seed)?);
-                done += 1.0;
-                tick(done / count);
             }
         }
     }

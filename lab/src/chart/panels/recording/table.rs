@@ -36,7 +36,7 @@ pub(super) fn by_length(bench: &Bench, heard: &[Heard], found: &[Found]) -> Resu
     let (tyres, seed_count) = bench.size.study;
     let seeds = bench.seed..bench.seed + seed_count;
     let sample_count = (RECORD_S * RATE_HZ) as u32;
-    let of_study = by_readings(&readings, sample_count, tyres, seeds, || bench.progress.at(0.9))?;
+    let of_study = by_readings(&readings, sample_count, tyres, seeds)?;
     for (name, by_length) in of_study.iter().filter(|_| seed_count > 0) {
         table.push(row("model", &format!("study: {name}"), by_length)?);
     }
