@@ -6,32 +6,31 @@
 use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Context as _, Result, bail};
-use tapline_acquire::{AcquireConfig, ScanConfig, SimulatedLine, Source as _};
+use tapline_acquire::{AcquireConfig, Source};
 use tapline_host::progress::{Progress, Unit};
-use tapline_model::SimulationConfig;
 use tapline_wire::{CacheLine, Plan, Samples, TapHeader, cache_lines_for};
 
 /// Taps that a thread takes at a time: few enough that threads end together, and enough that they rarely lock.
 const TAPS_AT_A_TIME: usize = 16;
 
-/// Returns the plan of `scan` and the result of `read` for the record of each row. If `read` returns `None`, a tap is
-/// taken again, as often as by default; with no retake left, it must return a result. Each thread has its own `reader`.
+/// Returns the plan of `source` and the result of `read` for the record of each row. If `read` returns `None`, a tap is
+/// taken again, as often as by default; with no retake left, it must return a result. Each thread has its own `source` and
+/// `reader`.
 ///
 /// # Errors
-/// A value of the configuration out of its bounds, an error of `reader`, or a tap for which `read` returns no result.
-pub(crate) fn scanned<R, T: Send>(
-    scan: &ScanConfig,
-    simulation: &SimulationConfig,
+/// Those of `source` and `reader`, or a tap for which `read` returns no result.
+pub(crate) fn scanned<S: Source, R, T: Send>(
+    source: impl Fn() -> Result<S> + Sync,
     reader: impl Fn() -> Result<R> + Sync,
     read: impl Fn(&mut R, &TapHeader, Samples<'_>) -> Option<T> + Sync,
 ) -> Result<(Plan, Vec<T>)> {
-    let plan = SimulatedLine::new(scan, simulation)?.plan().clone();
+    let plan = source()?.plan().clone();
     let mut results: Vec<Option<T>> = plan.taps().iter().map(|_| None).collect();
     let progress = Progress::new(Some(plan.taps().len() as u64), Unit::Things("taps"));
     let progress = Mutex::new((progress, 0));
     let to_do = Mutex::new((0_u32..).step_by(TAPS_AT_A_TIME).zip(results.chunks_mut(TAPS_AT_A_TIME)));
     let work = |_: rayon::BroadcastContext<'_>| -> Result<()> {
-        let mut maker = TapMaker::new(scan, simulation)?;
+        let mut maker = TapMaker::new(source()?);
         let mut reader = reader()?;
         loop {
             // A separate statement, so that the lock is released before the work starts.
@@ -52,24 +51,23 @@ pub(crate) fn scanned<R, T: Send>(
 }
 
 /// One thread's rig.
-struct TapMaker {
-    line: SimulatedLine,
+struct TapMaker<S> {
+    source: S,
     header: TapHeader,
     buffer: Vec<CacheLine>,
     retakes: u16,
 }
 
-impl TapMaker {
-    fn new(scan: &ScanConfig, simulation: &SimulationConfig) -> Result<Self> {
-        let line = SimulatedLine::new(scan, simulation)?;
-        let buffer = vec![CacheLine::default(); cache_lines_for(line.plan().recording.payload_bytes_max())];
-        Ok(Self { line, header: TapHeader::default(), buffer, retakes: AcquireConfig::default().retakes })
+impl<S: Source> TapMaker<S> {
+    fn new(source: S) -> Self {
+        let buffer = vec![CacheLine::default(); cache_lines_for(source.plan().recording.payload_bytes_max())];
+        Self { source, header: TapHeader::default(), buffer, retakes: AcquireConfig::default().retakes }
     }
 
     /// Takes the tap in plan row `row`, and again while `read` returns `None` and a retake is left.
     fn take<T>(&mut self, row: u32, mut read: impl FnMut(&TapHeader, Samples<'_>) -> Option<T>) -> Result<T> {
         for attempt in 0..=self.retakes {
-            self.line.render(row, attempt, &mut self.header, &mut self.buffer)?;
+            self.source.render(row, attempt, &mut self.header, &mut self.buffer)?;
             self.header.retakes_left = (self.retakes - attempt).into();
             let samples = Samples::view(&self.header, &self.buffer).context("a record does not fit its header")?;
             if let Some(made) = read(&self.header, samples) {

@@ -66,4 +66,4 @@ pub use crack::Crack;
 pub use error::Error;
 pub use population::Population;
 pub use rig::{Rig, Tap};
-pub use scan::{ScanShape, Tyre, discriminators, taps};
+pub use scan::{Line, ScanShape, Tyre, discriminators};

@@ -1,6 +1,5 @@
 //! Scans of casings: their plan, and the discriminators of each tap by the shipped extractor.
 
-use rayon::prelude::*;
 use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_wire::{
     Channel, Discriminators, Geometry, Plan, PlannedTap, Purpose, Quality, Recording, SampleFormat, Samples, Scan,
@@ -118,7 +117,7 @@ impl ScanShape {
 /// The discriminators of every tap of `plan`, in its order; an unusable tap is taken again up to `retakes` times.
 ///
 /// # Errors
-/// As [`taps`], and the errors of the extractor.
+/// As [`Line::new`], and the errors of the extractor.
 pub fn discriminators(
     population: &Population,
     seed: u64,
@@ -127,53 +126,100 @@ pub fn discriminators(
     process: &ProcessConfig,
     retakes: u16,
 ) -> Result<Vec<Discriminators>, Error> {
-    let read = |extractor: &mut ProcessExtractor, header: &TapHeader, samples: &[f32]| {
-        let found = extractor.extract(header, Samples::F32(samples));
-        (!found.quality.contains(Quality::RETAKE)).then_some(found)
+    let mut line = Line::new(population, seed, tyres, plan)?;
+    let mut extractor = ProcessExtractor::new(process)?;
+    let of = &plan.recording;
+    let mut samples = vec![0.0; 2 * of.sample_count_max as usize];
+    let mut tap = |(row, planned): (u32, &PlannedTap)| {
+        let mut header = TapHeader {
+            id: planned.id,
+            plan_index: row,
+            velocity_nominal_m_per_s: plan.velocity_nominal_m_per_s(row).unwrap_or(f64::NAN),
+            planned_sample_count: of.sample_count_max,
+            source: SourceKind::Simulated.code(),
+            ..TapHeader::in_units(of.sample_rate_hz, of.pre_trigger_samples, of.sample_count_max, &of.channels)
+        };
+        loop {
+            header.retakes_left = (retakes - header.id.attempt).into();
+            line.record(&mut header, &mut samples);
+            let found = extractor.extract(&header, Samples::F32(&samples));
+            if !found.quality.contains(Quality::RETAKE) || header.id.attempt == retakes {
+                return found;
+            }
+            header.id.attempt += 1;
+        }
     };
-    taps(population, seed, tyres, plan, retakes, || Ok(ProcessExtractor::new(process)?), read)
+    Ok((0..).zip(plan.taps()).map(&mut tap).collect())
 }
 
-/// The result of `read` for the record (force, then sound) of every tap of `plan`, in its order. If it is `None`, the tap
-/// is taken again; after `retakes` times, which the header counts down, it must return a result. Each thread
-/// has its own `reader`.
-///
-/// # Errors
-/// [`Error`] if the plan has other records than force and sound as 32-bit numbers, a tyre that is not among `tyres`, or a tap of
-/// which `read` makes nothing; also the errors of [`Rig::new`] and `reader`.
-pub fn taps<R, T: Send>(
-    population: &Population,
-    seed: u64,
-    tyres: &[Tyre],
-    plan: &Plan,
-    retakes: u16,
-    reader: impl Fn() -> Result<R, Error> + Sync,
-    read: impl Fn(&mut R, &TapHeader, &[f32]) -> Option<T> + Sync,
-) -> Result<Vec<T>, Error> {
-    check(&plan.recording)?;
-    let scans: Vec<Vec<(u32, T)>> = plan
-        .scans()
-        .par_iter()
-        .map(|scan| {
+/// A rig with the casings of a plan.
+#[derive(Debug)]
+pub struct Line {
+    rig: Rig,
+    shoulders: Vec<Shoulder>,
+    sample_count: u32,
+}
+
+/// A shoulder that is tapped.
+#[derive(Debug)]
+struct Shoulder {
+    serial: Serial,
+    number: u16,
+    location_count: u32,
+    casing: Casing,
+}
+
+impl Line {
+    /// The line that makes the taps of `plan` on `tyres`; `seed` decides every random number.
+    ///
+    /// # Errors
+    /// [`Error`] if the plan has other records than force and sound as 32-bit numbers, or a tyre that is not among `tyres`; also
+    /// the errors of [`Rig::new`].
+    pub fn new(population: &Population, seed: u64, tyres: &[Tyre], plan: &Plan) -> Result<Self, Error> {
+        let recording = &plan.recording;
+        check(recording)?;
+        let shoulder = |scan: &Scan| {
             let tyre = tyres.iter().find(|tyre| tyre.serial == scan.tyre);
             let tyre = tyre.ok_or_else(|| Error::Recording { what: format!("tyre {}", scan.tyre) })?;
-            let casing = Casing::new(population, seed, scan.tyre, tyre.cracks.clone());
-            let mut station = Station::new(population, plan)?;
-            let mut reader = reader()?;
-            let take = |&row: &u32| {
-                let made = station
-                    .take(&casing, plan, scan, row, retakes, |header, samples| read(&mut reader, header, samples));
-                Ok((
-                    row,
-                    made.ok_or_else(|| Error::Recording { what: format!("tap {row}, for which nothing is returned") })?,
-                ))
-            };
-            scan.taps.iter().map(take).collect()
+            Ok(Shoulder {
+                serial: scan.tyre,
+                number: scan.shoulder,
+                location_count: u32::try_from(scan.locations.len()).unwrap_or(u32::MAX),
+                casing: Casing::new(population, seed, scan.tyre, tyre.cracks.clone()),
+            })
+        };
+        Ok(Self {
+            rig: Rig::new(population, recording.sample_rate_hz, recording.pre_trigger_samples)?,
+            shoulders: plan.scans().iter().map(shoulder).collect::<Result<_, Error>>()?,
+            sample_count: recording.sample_count_max,
         })
-        .collect::<Result<_, Error>>()?;
-    let mut all: Vec<(u32, T)> = scans.into_iter().flatten().collect();
-    all.sort_by_key(|&(row, _)| row);
-    Ok(all.into_iter().map(|(_, made)| made).collect())
+    }
+
+    /// Records the tap that `header` names: force, then sound, into `samples`, and what is known of both into `header`. A tap of
+    /// another plan is left as it is.
+    ///
+    /// # Panics
+    /// If `samples` has no room for a record.
+    pub fn record(&mut self, header: &mut TapHeader, samples: &mut [f32]) {
+        let id = header.id;
+        let is_it = |shoulder: &&Shoulder| shoulder.serial == id.tyre && shoulder.number == id.shoulder;
+        let Some(Shoulder { location_count, casing, .. }) = self.shoulders.iter().find(is_it) else { return };
+        let tap = Tap {
+            shoulder: id.shoulder,
+            offset_mm: id.offset_mm().unwrap_or(0.0),
+            velocity_m_per_s: id.velocity_m_per_s().unwrap_or(1.85),
+            repetition: id.repetition,
+            location: id.location,
+            location_count: *location_count,
+            attempt: id.attempt,
+        };
+        let count = self.sample_count as usize;
+        let (force, sound) = samples[..2 * count].split_at_mut(count);
+        header.velocity_measured_m_per_s = self.rig.record(casing, &tap, force, sound);
+        header.microphone_distance_m = self.rig.microphone_distance_m();
+        header.sample_count = self.sample_count;
+        header.channels = TapHeader::in_units(0.0, 0, 0, &Channel::BOTH).channels;
+    }
 }
 
 /// Refuses a recording that the simulator cannot make.
@@ -183,64 +229,6 @@ fn check(recording: &Recording) -> Result<(), Error> {
         () if recording.sample_format != SampleFormat::F32 => refuse("integer samples"),
         () if recording.channels != Channel::BOTH => refuse("other channels"),
         () => Ok(()),
-    }
-}
-
-/// The tap in `row` of `plan`, which belongs to `scan`.
-fn tap_of(plan: &Plan, scan: &Scan, row: u32, attempt: u16) -> Tap {
-    let id = plan.taps()[row as usize].id;
-    Tap {
-        shoulder: id.shoulder,
-        offset_mm: id.offset_mm().unwrap_or(0.0),
-        velocity_m_per_s: id.velocity_m_per_s().unwrap_or(1.85),
-        repetition: id.repetition,
-        location: id.location,
-        location_count: u32::try_from(scan.locations.len()).unwrap_or(u32::MAX),
-        attempt,
-    }
-}
-
-/// A rig with room for a record.
-struct Station {
-    rig: Rig,
-    samples: Vec<f32>,
-}
-
-impl Station {
-    fn new(population: &Population, plan: &Plan) -> Result<Self, Error> {
-        let recording = &plan.recording;
-        Ok(Self {
-            rig: Rig::new(population, recording.sample_rate_hz, recording.pre_trigger_samples)?,
-            samples: vec![0.0; 2 * recording.sample_count_max as usize],
-        })
-    }
-
-    fn take<T>(
-        &mut self,
-        casing: &Casing,
-        plan: &Plan,
-        scan: &Scan,
-        row: u32,
-        retakes: u16,
-        mut read: impl FnMut(&TapHeader, &[f32]) -> Option<T>,
-    ) -> Option<T> {
-        let of = &plan.recording;
-        let mut header = TapHeader {
-            id: plan.taps()[row as usize].id,
-            plan_index: row,
-            velocity_nominal_m_per_s: plan.velocity_nominal_m_per_s(row).unwrap_or(f64::NAN),
-            microphone_distance_m: self.rig.microphone_distance_m(),
-            planned_sample_count: of.sample_count_max,
-            source: SourceKind::Simulated.code(),
-            ..TapHeader::in_units(of.sample_rate_hz, of.pre_trigger_samples, of.sample_count_max, &of.channels)
-        };
-        (0..=retakes).find_map(|attempt| {
-            let (force, sound) = self.samples.split_at_mut(of.sample_count_max as usize);
-            header.id.attempt = attempt;
-            header.retakes_left = (retakes - attempt).into();
-            header.velocity_measured_m_per_s = self.rig.record(casing, &tap_of(plan, scan, row, attempt), force, sound);
-            read(&header, &self.samples)
-        })
     }
 }
 

@@ -2,7 +2,7 @@
 
 use anyhow::{Context as _, Result};
 use realfft::RealFftPlanner;
-use tapline_acquire::ScanConfig;
+use tapline_acquire::{ScanConfig, SimulatedLine};
 use tapline_draw::record::channel;
 use tapline_model::SimulationConfig;
 use tapline_process::{ProcessConfig, ProcessExtractor};
@@ -78,7 +78,8 @@ impl Dataset {
             (!found.quality.contains(Quality::RETAKE)).then(|| (found, look(header, samples)))
         };
         let process = ProcessConfig::default();
-        let (plan, seen) = scanned(scan, &simulation, || Ok(ProcessExtractor::new(&process)?), read)?;
+        let source = || Ok(SimulatedLine::new(scan, &simulation)?);
+        let (plan, seen) = scanned(source, || Ok(ProcessExtractor::new(&process)?), read)?;
         let tap = |(planned, (found, looked)): (&PlannedTap, (Discriminators, Result<_>))| {
             let (peak_v, density_v2_per_hz) = looked?;
             let angle_deg = planned.angle_deg.context("a tap of a ring has an angle")?;

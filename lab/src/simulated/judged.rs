@@ -3,10 +3,11 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use anyhow::{Context as _, Result};
-use tapline_fuse::{Built, FuseConfig, Fusion, KnownShoulder, ReferenceSet, build_reference};
-use tapline_wire::{Discriminator, Discriminators, Plan, Reasons, Scan};
+use anyhow::Result;
+use tapline_fuse::{FuseConfig, Fusion, ReferenceSet};
+use tapline_wire::{Discriminator, Reasons, Scan};
 
+use super::dataset::Dataset;
 use super::scan_taps::{ScanTaps, Times};
 use super::scene::Scene;
 use super::set::Set;
@@ -57,39 +58,7 @@ pub fn reference(config: &FuseConfig, set: &Set, casings: usize, taps: &ScanTaps
     let shape = taps.shape(&set.shape);
     let turns = shape.repetitions / if taps.is_confirmed { 2 } else { 1 };
     let full = ScanTaps::full(&shape.offsets_mm, &shape.velocities_m_per_s, turns);
-    let (plan, records) = set.part(0..casings, &full, Scene::SoundSmooth)?;
-    reference_of(config, &plan, &records, 0..plan.scans().len())
-}
-
-/// The reference from `scans` of `plan`, stated to be sound.
-pub(crate) fn reference_of(
-    config: &FuseConfig,
-    plan: &Plan,
-    records: &[Discriminators],
-    scans: impl Iterator<Item = usize>,
-) -> Result<Arc<ReferenceSet>> {
-    let shoulders: Option<Vec<_>> = scans.map(|scan| KnownShoulder::of(plan, records, scan, None)).collect();
-    let built = Built { config: config.clone(), ..Built::default() };
-    Ok(Arc::new(build_reference(&built, shoulders.context("a shoulder is not planned")?)?))
-}
-
-/// The fusion after all of `records`, compared with `reference`.
-pub(crate) fn fusion(
-    config: &FuseConfig,
-    plan: &Plan,
-    records: &[Discriminators],
-    reference: Option<&Arc<ReferenceSet>>,
-) -> Result<Fusion> {
-    let mut fusion = Fusion::by(config, plan, reference.cloned())?;
-    records.iter().try_for_each(|record| fusion.push(record))?;
-    (0..plan.scans().len()).try_for_each(|number| fusion.end(number))?;
-    Ok(fusion)
-}
-
-/// Whether each location of `scan` is cracked.
-pub(crate) fn is_cracked(plan: &Plan, scan: &Scan) -> Vec<bool> {
-    let truth = |location| plan.truth().get(&(scan.tyre, scan.shoulder, location)).copied();
-    scan.locations.iter().map(|&(location, _)| truth(location).unwrap_or(false)).collect()
+    set.part(0..casings, &full, Scene::SoundSmooth)?.reference(config, |_| true)
 }
 
 /// The shoulders that count, for some casings of `set` in `scene`.
@@ -97,36 +66,34 @@ pub(crate) fn is_cracked(plan: &Plan, scan: &Scan) -> Vec<bool> {
 /// # Errors
 /// An error of the fusion, or a set without all taps.
 pub fn judge(judging: &Judging, set: &Set, casings: Range<usize>, scene: Scene) -> Result<Vec<Judged>> {
-    let (mut plan, mut records) = set.part(casings, &judging.taps, scene)?;
+    let mut part = set.part(casings, &judging.taps, scene)?;
     if judging.taps.is_confirmed {
-        (plan, records) = judging.again(set, plan, records)?;
+        part = judging.again(set, part)?;
     }
-    let mut fusion = fusion(&judging.config, &plan, &records, judging.reference.as_ref())?;
+    let mut fusion = part.fusion(&judging.config, judging.reference.as_ref())?;
     let both_count = scene.is_sound() && !scene.changes_a_turn();
-    let wanted = plan.scans().iter().enumerate().filter(|(_, scan)| both_count || scan.shoulder == 1);
-    wanted.map(|(number, _)| judging.judged(&mut fusion, &plan, &records, number)).collect()
+    let wanted = part.plan.scans().iter().enumerate().filter(|(_, scan)| both_count || scan.shoulder == 1);
+    wanted.map(|(number, scan)| judging.judged(&mut fusion, &part, number, scan)).collect()
 }
 
 impl Judging {
-    /// `plan` and `records` of a part of `set`, with what stands out tapped again.
-    fn again(&self, set: &Set, plan: Plan, mut records: Vec<Discriminators>) -> Result<(Plan, Vec<Discriminators>)> {
-        let mut fusion = fusion(&self.config, &plan, &records, self.reference.as_ref())?;
+    /// `part` of `set`, with what stands out tapped again.
+    fn again(&self, set: &Set, part: Dataset) -> Result<Dataset> {
+        let mut fusion = part.fusion(&self.config, self.reference.as_ref())?;
         let mut wanted = Vec::new();
-        for casing in (0..plan.scans().len()).step_by(2) {
+        for casing in (0..part.plan.scans().len()).step_by(2) {
             wanted.extend(fusion.wanted(casing, usize::MAX)?);
         }
-        records.extend(set.again(&wanted, &plan)?);
-        Ok((plan.grown(&wanted)?, records))
+        set.again(&wanted, part)
     }
 
-    fn judged(&self, fusion: &mut Fusion, plan: &Plan, records: &[Discriminators], number: usize) -> Result<Judged> {
-        let scan = &plan.scans()[number];
+    fn judged(&self, fusion: &mut Fusion, part: &Dataset, number: usize, scan: &Scan) -> Result<Judged> {
         let judged = fusion.judge(number)?;
-        let alone = |which| alone(plan, records, number, which);
+        let alone = |which| alone(part, scan, which);
         Ok(Judged {
-            result: ShoulderResult::new(scan, &judged, is_cracked(plan, scan))?,
-            scan_s: self.times.of(plan, scan.tyre),
-            is_asked: scan.taps.iter().any(|&row| plan.taps()[row as usize].is_second_reading()),
+            result: ShoulderResult::new(scan, &judged, part.is_cracked(scan))?,
+            scan_s: self.times.of(&part.plan, scan.tyre),
+            is_asked: scan.taps.iter().any(|&row| part.plan.taps()[row as usize].is_second_reading()),
             reasons: judged.0.reasons,
             alone: if self.taps.is_confirmed { Vec::new() } else { Discriminator::ALL.map(alone).to_vec() },
         })
@@ -144,18 +111,17 @@ pub(crate) fn alone_of(
     scene: Scene,
     which: Discriminator,
 ) -> Result<Vec<(String, f64, bool)>> {
-    let (plan, records) = set.part(0..set.tyres.len(), taps, scene)?;
+    let part = set.part(0..set.tyres.len(), taps, scene)?;
     let mut all = Vec::new();
-    for (number, scan) in plan.scans().iter().enumerate().filter(|(_, scan)| scan.shoulder == 1) {
-        let places = alone(&plan, &records, number, which).into_iter().zip(is_cracked(&plan, scan));
+    for scan in part.plan.scans().iter().filter(|scan| scan.shoulder == 1) {
+        let places = alone(&part, scan, which).into_iter().zip(part.is_cracked(scan));
         all.extend(places.map(|(score, is_cracked)| (scan.tyre.to_string(), score, is_cracked)));
     }
     Ok(all)
 }
 
 /// The mean over turns and three neighbours of one discriminator's logarithm, less each turn's median.
-fn alone(plan: &Plan, records: &[Discriminators], scan: usize, which: Discriminator) -> Vec<f64> {
-    let scan = &plan.scans()[scan];
+fn alone(Dataset { plan, records }: &Dataset, scan: &Scan, which: Discriminator) -> Vec<f64> {
     let count = scan.locations.len();
     let place_of = |row: u32| {
         let location = plan.taps()[row as usize].id.location;

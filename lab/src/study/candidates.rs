@@ -7,14 +7,13 @@ use anyhow::{Context as _, Result};
 use tapline_fuse::{FuseConfig, IndexKind, ReferenceSet};
 use tapline_wire::Discriminator;
 
-use super::dataset::Dataset;
 use super::judge::{alone, judge};
 use super::parallel::each;
 use super::sets::{Set, cracked, sound};
 use super::size::Size;
 use crate::evaluation::{Areas, Call, Table, cell, ends};
 use crate::shoulder_result::{ShoulderResult, overlap};
-use crate::simulated::Reading;
+use crate::simulated::{Dataset, Reading};
 
 /// One set: sound tyres that are the reference, and others that are judged.
 #[derive(Debug)]
@@ -63,7 +62,7 @@ impl Split {
         let with_cracks = with_cracks.map(|(s, k)| cracked(s, &set.cracks, size.location_count, seed, k));
         let tyres = reference.iter().cloned().chain(without).map(sound).chain(with_cracks).collect();
         let numbers = (seed, size.location_count);
-        let datasets = Dataset::scan_read(&set.simulation, tyres, &size.turns, numbers, readings)?;
+        let datasets = size.turns.scan_read(&set.simulation, tyres, numbers, readings)?;
         let split = |dataset| Self { name: set.name, dataset, reference: reference.clone(), judged: judged.clone() };
         Ok(datasets.into_iter().map(split).collect())
     }
@@ -74,7 +73,7 @@ impl Split {
 
     /// The tyres of the reference.
     pub(super) fn healthy(&self) -> Result<Arc<ReferenceSet>> {
-        self.dataset.reference(|tyre| self.reference.iter().any(|t| t == tyre))
+        self.dataset.reference(&FuseConfig::default(), |tyre| self.reference.iter().any(|t| t == tyre))
     }
 }
 

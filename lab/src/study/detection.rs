@@ -9,7 +9,6 @@ use crate::evaluation::{DETECTION_COLUMNS, Detection, Table, Target, cell, yes_o
 use anyhow::Result;
 use tapline_fuse::FuseConfig;
 
-use super::dataset::Dataset;
 use super::judge::judge;
 use super::sets::{Cracks, Set, cracked, sound};
 use super::size::Size;
@@ -26,8 +25,8 @@ pub(super) fn detection(set: &Set, size: &Size, seed: u64) -> Result<Vec<Detecti
     let targets = (0_u64..).take(size.target_tyres);
     let targets = targets.map(|k| cracked(format!("target-{k:03}"), &CRACKS, size.location_count, seed, 500_000 + k));
     let tyres: Vec<_> = references.chain(targets).collect();
-    let dataset = Dataset::scan(&set.simulation, tyres.clone(), &size.turns, (seed, size.location_count))?;
-    let by = dataset.reference(|tyre| tyre.starts_with("reference"))?;
+    let dataset = size.turns.scan(&set.simulation, tyres.clone(), (seed, size.location_count))?;
+    let by = dataset.reference(&FuseConfig::default(), |tyre| tyre.starts_with("reference"))?;
     let judged = judge(&FuseConfig::default(), &dataset.of_tyres(|tyre| tyre.starts_with("target"))?, Some(&by))?;
     let mut found = Vec::new();
     for shoulder in &judged {

@@ -9,7 +9,6 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use tapline_fuse::{FuseConfig, IndexKind};
 
-use super::dataset::Dataset;
 use super::judge::judge;
 use super::parallel::each;
 use super::sets::{Set, sound};
@@ -46,7 +45,7 @@ pub(super) struct FalseCalls {
 pub(super) fn false_calls(set: &Set, size: &Size, seed: u64) -> Result<Vec<FalseCalls>> {
     let serial = |k: usize| format!("sound-{k:03}");
     let tyres = (0..size.sound_tyres).map(|k| sound(serial(k))).collect();
-    let dataset = Dataset::scan(&set.simulation, tyres, &size.short, (seed, size.location_count))?;
+    let dataset = size.short.scan(&set.simulation, tyres, (seed, size.location_count))?;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     // 0 compares each tyre with itself.
     let mut references = vec![Vec::new()];
@@ -65,7 +64,8 @@ pub(super) fn false_calls(set: &Set, size: &Size, seed: u64) -> Result<Vec<False
         let counted = each(&jobs, |&(call, stated, drawn)| {
             let config = FuseConfig { index, ..config_for(call, stated) };
             let is_reference = |tyre: &str| drawn.iter().any(|d| d == tyre);
-            let by = (!drawn.is_empty()).then(|| dataset.reference(is_reference)).transpose()?;
+            let by =
+                (!drawn.is_empty()).then(|| dataset.reference(&FuseConfig::default(), is_reference)).transpose()?;
             let judged = judge(&config, &dataset.of_tyres(|tyre| !is_reference(tyre))?, by.as_ref())?;
             Ok((judged.len(), judged.iter().filter(|j| call.is(j.verdict)).count()))
         })?;

@@ -11,11 +11,10 @@ use anyhow::Result;
 use tapline_fuse::{FuseConfig, IndexKind};
 use tapline_model::SimulationConfig;
 
-use super::dataset::{Dataset, Turns};
 use super::judge::judge;
 use super::parallel::each;
 use super::sets::{Set, cracked, sound};
-use super::size::Size;
+use super::size::{Size, Turns};
 
 /// Sound tyres of the reference, scanned on the first rig.
 const REFERENCE: usize = 4;
@@ -52,10 +51,10 @@ pub(super) fn gauge(set: &Set, size: &Size, seed: u64) -> Result<Vec<GaugeResult
     let mut scans = Vec::new();
     let mut reference = None;
     for (rig, simulation) in (0..).zip([first, &second]) {
-        let dataset = Dataset::scan(simulation, tyres.clone(), &turns, (seed, size.location_count))?;
+        let dataset = turns.scan(simulation, tyres.clone(), (seed, size.location_count))?;
         if rig == 0 {
             let first_scan = dataset.only(|tap| tap.id.repetition < of_a_scan)?;
-            reference = Some(first_scan.reference(|tyre| tyre.starts_with("reference"))?);
+            reference = Some(first_scan.reference(&FuseConfig::default(), |tyre| tyre.starts_with("reference"))?);
         }
         for scan in 0..size.gauge_scans {
             let from = rig * of_a_rig + scan * of_a_scan;

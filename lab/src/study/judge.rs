@@ -6,15 +6,14 @@ use anyhow::Result;
 use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
 use tapline_wire::Discriminator;
 
-use super::dataset::Dataset;
 use crate::evaluation::Areas;
 use crate::shoulder_result::ShoulderResult;
-use crate::simulated::{self, is_cracked};
+use crate::simulated::Dataset;
 
 /// The fusion after all taps of `dataset`, compared with the shoulders of a reference, or each tyre with itself.
 fn fusion(config: &FuseConfig, dataset: &Dataset, by: Option<&Arc<ReferenceSet>>) -> Result<Fusion> {
     let config = FuseConfig { reference: Some(Reference::Own), ..config.clone() };
-    simulated::fusion(&config, &dataset.plan, &dataset.records, by)
+    dataset.fusion(&config, by)
 }
 
 /// The shoulders of `dataset`, in the order of its plan, compared with those of `by` or each tyre with itself.
@@ -25,9 +24,7 @@ pub(super) fn judge(
 ) -> Result<Vec<ShoulderResult>> {
     let mut fusion = fusion(config, dataset, by)?;
     let scans = dataset.plan.scans().iter().enumerate();
-    scans
-        .map(|(number, scan)| ShoulderResult::new(scan, &fusion.judge(number)?, is_cracked(&dataset.plan, scan)))
-        .collect()
+    scans.map(|(number, scan)| ShoulderResult::new(scan, &fusion.judge(number)?, dataset.is_cracked(scan))).collect()
 }
 
 /// The areas of the score of each discriminator on the shoulders of `dataset`, in place of the index.
@@ -36,7 +33,7 @@ pub(super) fn alone(dataset: &Dataset, by: Option<&Arc<ReferenceSet>>) -> Result
     let mut fusion = fusion(&config, dataset, by)?;
     let mut places = Discriminator::ALL.map(|_| Vec::new());
     for (number, scan) in dataset.plan.scans().iter().enumerate() {
-        let is_cracked = is_cracked(&dataset.plan, scan);
+        let is_cracked = dataset.is_cracked(scan);
         for (which, places) in Discriminator::ALL.into_iter().zip(&mut places) {
             let scores = fusion.alone(number, which)?.into_iter().zip(&is_cracked);
             places.extend(scores.map(|(score, &is_cracked)| (scan.tyre.to_string(), score, is_cracked)));

@@ -1,7 +1,6 @@
 //! `tapline-lab study`: a seeded Monte Carlo over simulated tyres, which compares indices and references.
 
 mod candidates;
-mod dataset;
 mod detection;
 mod false_calls;
 mod gauge;

@@ -1,10 +1,57 @@
 //! How much is simulated: the default, what `--quick` does, and `--tyres`.
 
-use super::dataset::Turns;
+use anyhow::{Context as _, Result};
+use tapline_acquire::{ScanConfig, TyreConfig};
+use tapline_model::SimulationConfig;
+
+use crate::simulated::{Dataset, Reading, scan_model};
 
 /// Offsets of a scan, in mm, as in section 5.2.
 const OFFSETS_MM: [f64; 4] = [0.0, 5.0, 10.0, 15.0];
 const REPETITIONS: u16 = 2;
+/// The velocity of every tap.
+const VELOCITY_M_PER_S: f64 = 1.5;
+
+/// Which turns are made around a shoulder.
+#[derive(Debug, Clone)]
+pub(super) struct Turns {
+    pub offsets_mm: Vec<f64>,
+    pub repetitions: u16,
+}
+
+impl Turns {
+    /// Scans `tyres`; `seed` decides every random number.
+    pub(super) fn scan(
+        &self,
+        simulation: &SimulationConfig,
+        tyres: Vec<TyreConfig>,
+        numbers: (u64, u32),
+    ) -> Result<Dataset> {
+        let read = self.scan_read(simulation, tyres, numbers, &[Reading::default()])?;
+        read.into_iter().next().context("one reading gives one dataset")
+    }
+
+    /// The same for each of `readings`.
+    pub(super) fn scan_read(
+        &self,
+        simulation: &SimulationConfig,
+        tyres: Vec<TyreConfig>,
+        (seed, location_count): (u64, u32),
+        readings: &[Reading],
+    ) -> Result<Vec<Dataset>> {
+        let scan = ScanConfig {
+            seed,
+            offsets_mm: self.offsets_mm.clone(),
+            velocities_m_per_s: vec![VELOCITY_M_PER_S],
+            repetitions: self.repetitions,
+            locations: location_count,
+            closing_tap: false, // it enters no index
+            tyre: tyres,
+            ..ScanConfig::default()
+        };
+        scan_model(&scan, simulation, readings)
+    }
+}
 
 #[derive(Debug, Clone)]
 pub(super) struct Size {

@@ -14,7 +14,7 @@ use crate::chart::panel::{Facet, Panel, Quantity};
 use crate::chart::point::{Cost, Error, Failure, LEVEL, Point, exceeds};
 use crate::chart::size::Size;
 use crate::evaluation::{Areas, FALSE_ALARMS, FoundAt};
-use crate::simulated::{Judged, Judging, ScanTaps, Scene, Simulator, Times, judge, reference};
+use crate::simulated::{Dataset, Judged, Judging, ScanTaps, Scene, Simulator, Times, judge, reference};
 use crate::statistics::clopper_pearson;
 
 pub(super) const ENTRY: Entry =
@@ -123,7 +123,7 @@ fn costs(bench: &Bench, groups: &[Group], rules: &[Rule]) -> Result<Vec<Cost>> {
     let mut prepared: Vec<(Fusion, Plan, Vec<Discriminators>)> = Vec::new();
     for &rule in rules {
         let judging = rule.judging(&bench.size, group)?;
-        let (plan, records) = set.part(0..1, &judging.taps, *scene)?;
+        let Dataset { plan, records } = set.part(0..1, &judging.taps, *scene)?;
         let reference = judging.reference.context("rules need a reference")?;
         prepared.push((Fusion::with_reference(&judging.config, &plan, reference)?, plan, records));
     }

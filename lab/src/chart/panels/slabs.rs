@@ -3,7 +3,7 @@
 use anyhow::{Context as _, Result};
 use serde::Deserialize;
 use tapline_acquire::{Source as _, TapSet};
-use tapline_fuse::{FuseConfig, Fusion, IndexKind};
+use tapline_fuse::{FuseConfig, IndexKind};
 use tapline_process::{Precision, ProcessConfig, ProcessExtractor};
 use tapline_wire::{CacheLine, Discriminators, Plan, Samples, TapHeader, cache_lines_for};
 
@@ -14,6 +14,7 @@ use crate::chart::front::Tolerance;
 use crate::chart::panel::{Facet, Panel, Quantity};
 use crate::chart::point::{Error, Point};
 use crate::evaluation::Areas;
+use crate::simulated::Dataset;
 
 pub(super) const ENTRY: Entry =
     Entry { name: "slabs", expected_s: |size| if size.is_full { 10.0 } else { 3.0 }, uses_casings: false, measure };
@@ -155,15 +156,13 @@ fn facet(bench: &Bench, slab: &Slab, taps: &Taps) -> Result<Facet> {
     for config in &configs {
         let mut extractor = ProcessExtractor::new(&config.process)?;
         workloads.push(Workload::batch(taps.all.len(), move || {
-            let found = read(&mut extractor, taps);
-            judged(&config.fuse, &taps.plan, &found).map_or(f64::NAN, |areas| areas.auc().unwrap_or(f64::NAN))
+            judged(&config.fuse, &read(&mut extractor, taps)).map_or(f64::NAN, |areas| areas.auc().unwrap_or(f64::NAN))
         }));
     }
     let costs = by_turns(&mut workloads, bench.size.rounds.div_ceil(3));
     drop(workloads);
     let points = WAYS.iter().zip(&configs).zip(costs).map(|((way, config), cost)| {
-        let found = read(&mut ProcessExtractor::new(&config.process)?, taps);
-        let areas = judged(&config.fuse, &taps.plan, &found)?;
+        let areas = judged(&config.fuse, &read(&mut ProcessExtractor::new(&config.process)?, taps))?;
         let loss = 1.0 - areas.auc().context("a slab has cracked and sound places")?;
         let error = Error::mean_of(vec![loss]);
         let interval = areas.by_tyres(bench.seed).map(|(low, high)| (1.0 - high, 1.0 - low));
@@ -183,20 +182,18 @@ fn facet(bench: &Bench, slab: &Slab, taps: &Taps) -> Result<Facet> {
     })
 }
 
-fn read(extractor: &mut ProcessExtractor, taps: &Taps) -> Vec<Discriminators> {
+fn read(extractor: &mut ProcessExtractor, taps: &Taps) -> Dataset {
     let of_tap = |(header, buffer): &(TapHeader, Vec<CacheLine>)| match Samples::view(header, buffer) {
         Some(samples) => extractor.extract(header, samples),
         None => Discriminators { id: header.id, plan_index: header.plan_index, ..Discriminators::default() },
     };
-    taps.all.iter().map(of_tap).collect()
+    Dataset { plan: taps.plan.clone(), records: taps.all.iter().map(of_tap).collect() }
 }
 
 /// The places of all lines by their damage index; those of one line are resampled together.
-fn judged(config: &FuseConfig, plan: &Plan, found: &[Discriminators]) -> Result<Areas> {
-    let mut fusion = Fusion::new(config, plan)?;
-    found.iter().try_for_each(|found| fusion.push(found))?;
-    (0..plan.scans().len()).try_for_each(|scan| fusion.end(scan))?;
-    let mut places = Vec::new();
+fn judged(config: &FuseConfig, found: &Dataset) -> Result<Areas> {
+    let mut fusion = found.fusion(config, None)?;
+    let (mut places, plan) = (Vec::new(), &found.plan);
     for (number, scan) in plan.scans().iter().enumerate() {
         let (_, cells) = fusion.judge(number)?;
         for cell in cells {
