@@ -14,12 +14,11 @@ use std::time::Instant;
 use anyhow::{Context as _, Result};
 use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
 use tapline_fuse::{FuseConfig, Fusion, Reference};
+use tapline_lab::in_memory::Record;
 use tapline_model::SimulationConfig;
 use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_store::{Codec, Lineage, ReadBuffer, Reader, Writer};
-use tapline_wire::{
-    CacheLine, Discriminators, Plan, RecordKind, TapHeader, TapTopic, Topic as _, bytes_of, cache_lines_for,
-};
+use tapline_wire::{Discriminators, Plan, RecordKind, TapHeader, TapTopic, Topic as _};
 
 use tapline_bench::{Row, Sheet, Spread, quantile, root};
 
@@ -30,7 +29,7 @@ const BEGINNING_S: f64 = 0.1;
 
 struct Scan {
     plan: Plan,
-    taps: Vec<(TapHeader, Vec<CacheLine>)>,
+    taps: Vec<Record>,
     found: Vec<Discriminators>,
 }
 
@@ -44,14 +43,11 @@ impl Scan {
         let (mut taps, mut found) = (Vec::new(), Vec::new());
         let mut extractor = ProcessExtractor::new(&ProcessConfig::default())?;
         for row in 0..u32::try_from(plan.taps().len())? {
-            let mut header = TapHeader::default();
-            let mut buffer = vec![CacheLine::default(); cache_lines_for(plan.recording.payload_bytes_max())];
-            line.render(row, 0, &mut header, &mut buffer)?;
+            let mut tap = Record::render(&mut line, row)?;
             // What a publisher would set.
-            header.stamp.kind = RecordKind::Data.code();
-            let samples = tapline_wire::Samples::view(&header, &buffer).context("a simulated tap describes itself")?;
-            found.push(extractor.extract(&header, samples));
-            taps.push((header, buffer));
+            tap.header.stamp.kind = RecordKind::Data.code();
+            found.push(extractor.extract(&tap.header, tap.samples()));
+            taps.push(tap);
         }
         Ok(Self { plan, taps, found })
     }
@@ -64,8 +60,7 @@ impl Scan {
         // As the stage does if taps come faster than it can write them.
         for (flushed, found) in self.taps.chunks(64).zip(self.found.chunks(64)) {
             for batch in flushed.chunks(TapTopic::BORROWED) {
-                let taps: Vec<(&TapHeader, &[u8])> =
-                    batch.iter().map(|(header, buffer)| (header, bytes_of(buffer))).collect();
+                let taps: Vec<_> = batch.iter().map(|tap| (&tap.header, tap.bytes())).collect();
                 writer.put_taps(&taps)?;
             }
             found.iter().try_for_each(|found| writer.put_discriminators(found).map(drop))?;
@@ -159,8 +154,8 @@ fn judged(scan: &Scan, path: &Path) -> Result<Reader> {
     drop(fs::remove_file(path));
     let mut writer = Writer::create(path, &scan.plan, 0, "[store]\n")?;
     let mut fusion = Fusion::new(&FuseConfig::by(Reference::Own), &scan.plan)?;
-    for ((header, buffer), found) in scan.taps.iter().zip(&scan.found) {
-        writer.put_tap(header, bytes_of(buffer))?;
+    for (tap, found) in scan.taps.iter().zip(&scan.found) {
+        writer.put_tap(&tap.header, tap.bytes())?;
         writer.put_discriminators(found)?;
         fusion.push(found)?;
     }

@@ -19,9 +19,10 @@ use realfft::num_complex::Complex;
 use realfft::{RealFftPlanner, RealToComplex};
 use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
 use tapline_fuse::{Built, FuseConfig, Fusion, KnownShoulder, Reference, build_reference};
+use tapline_lab::in_memory::Record;
 use tapline_model::SimulationConfig;
 use tapline_process::{ProcessConfig, ProcessExtractor, without_avx512};
-use tapline_wire::{CacheLine, Discriminators, Samples, TapHeader, cache_lines_for};
+use tapline_wire::{Discriminators, Samples};
 
 use tapline_bench::{Row, Sheet, Spread, root};
 use tempfile::TempDir;
@@ -55,26 +56,18 @@ const UNIT: &str = "us per tap";
 
 /// One tap as on the line, and its sound alone as floats, for bare transforms.
 struct Tap {
-    header: TapHeader,
-    buffer: Vec<CacheLine>,
+    record: Record,
     sound_v: Vec<f32>,
 }
 
 impl Tap {
-    fn new(header: TapHeader, buffer: Vec<CacheLine>) -> Self {
-        let mut tap = Self { header, buffer, sound_v: Vec::new() };
+    fn new(record: Record) -> Self {
+        let header = &record.header;
         let unit = header.channels[1].unit_per_count;
         #[expect(clippy::cast_possible_truncation, reason = "a converter that gives f32 does the same")]
         let volts = |&count: &i16| (f64::from(count) * unit) as f32;
-        tap.sound_v = tap.counts()[header.sample_count as usize..].iter().map(volts).collect();
-        tap
-    }
-
-    fn counts(&self) -> &[i16] {
-        match Samples::view(&self.header, &self.buffer) {
-            Some(Samples::I16(counts)) => counts,
-            _ => &[],
-        }
+        let sound_v = record.counts()[header.sample_count as usize..].iter().map(volts).collect();
+        Self { record, sound_v }
     }
 }
 
@@ -271,9 +264,9 @@ struct Streamed {
 
 impl Streamed {
     fn new(taps: &[Tap]) -> Self {
-        let per_tap = taps[0].counts().len();
+        let per_tap = taps[0].record.counts().len();
         let count = STREAMED / (2 * per_tap);
-        let counts = (0..count).flat_map(|k| taps[k % taps.len()].counts().iter().copied()).collect();
+        let counts = (0..count).flat_map(|k| taps[k % taps.len()].record.counts().iter().copied()).collect();
         Self { counts, per_tap }
     }
 
@@ -281,7 +274,7 @@ impl Streamed {
         let records = || self.counts.chunks_exact(self.per_tap);
         let taps_per_call = records().len();
         let extract = move || {
-            let found = |(counts, tap): (&[i16], &Tap)| extractor.extract(&tap.header, Samples::I16(counts));
+            let found = |(counts, tap): (&[i16], &Tap)| extractor.extract(&tap.record.header, Samples::I16(counts));
             let flagged = records().zip(taps.iter().cycle()).map(found).filter(|found| found.quality.is_empty());
             flagged.count() as f64
         };
@@ -310,12 +303,12 @@ impl Python {
     fn begin(taps: &[Tap], count: usize, folder: &TempDir, library: &str, batch: usize) -> Result<Option<Self>> {
         let Ok(python) = std::env::var("TAPLINE_BENCH_PYTHON") else { return Ok(None) };
         let (counts, units) = (folder.path().join("counts"), folder.path().join("units"));
-        let all: Vec<i16> = taps.iter().flat_map(|tap| tap.counts().iter().copied()).collect();
+        let all: Vec<i16> = taps.iter().flat_map(|tap| tap.record.counts().iter().copied()).collect();
         fs::write(&counts, bytemuck::cast_slice(&all))?;
-        let of = |tap: &Tap| [tap.header.channels[0].unit_per_count, tap.header.channels[1].unit_per_count];
+        let of = |tap: &Tap| [0, 1].map(|channel| tap.record.header.channels[channel].unit_per_count);
         let all: Vec<f64> = taps.iter().flat_map(of).collect();
         fs::write(&units, bytemuck::cast_slice(&all))?;
-        let header = &taps[0].header;
+        let header = &taps[0].record.header;
         let words = [
             count.to_string(),
             header.sample_rate_hz.to_string(),
@@ -378,13 +371,10 @@ fn tyre(line: &mut SimulatedLine, extractor: &mut ProcessExtractor) -> Result<(V
     let every = plan.taps().len() / tap_count;
     let (mut taps, mut records) = (Vec::new(), Vec::new());
     for row in 0..u32::try_from(plan.taps().len())? {
-        let mut header = TapHeader::default();
-        let mut buffer = vec![CacheLine::default(); cache_lines_for(plan.recording.payload_bytes_max())];
-        line.render(row, 0, &mut header, &mut buffer)?;
-        let samples = Samples::view(&header, &buffer).context("a simulated tap describes itself")?;
-        records.push(extractor.extract(&header, samples));
+        let record = Record::render(line, row)?;
+        records.push(extractor.extract(&record.header, record.samples()));
         if (row as usize).is_multiple_of(every) && taps.len() < tap_count {
-            taps.push(Tap::new(header, buffer));
+            taps.push(Tap::new(record));
         }
     }
     Ok((taps, records))
@@ -421,7 +411,7 @@ fn transform(
 
 fn extract<'a>(name: &str, taps: &'a [Tap], mut extractor: ProcessExtractor) -> Kernel<'a> {
     Kernel::per_tap(name, taps, move |tap| {
-        let found = extractor.extract(&tap.header, Samples::I16(tap.counts()));
+        let found = extractor.extract(&tap.record.header, tap.record.samples());
         f64::from(u8::from(black_box(found).quality.is_empty()))
     })
 }

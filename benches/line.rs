@@ -11,11 +11,12 @@ use anyhow::{Context as _, Result, ensure};
 use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
 use tapline_bench::{Row, Sheet, Spread, cpu_s, tapline};
 use tapline_fuse::{FuseConfig, Fusion, Reference};
+use tapline_lab::in_memory::Record;
 use tapline_lab::line_cost::{LineCost, run_command};
 use tapline_model::SimulationConfig;
 use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_store::Writer;
-use tapline_wire::{CacheLine, RecordKind, Samples, TapHeader, TapTopic, Topic as _, bytes_of, cache_lines_for};
+use tapline_wire::{RecordKind, TapTopic, Topic as _};
 use tempfile::TempDir;
 
 const ROUNDS: usize = 5;
@@ -135,25 +136,19 @@ fn keep(lines: &[Vec<Pace>; 3], halves: &[Pace], replayed: &[Pace], alone: &[f64
 fn one_process(folder: &Path) -> Result<f64> {
     let mut source = SimulatedLine::new(&scan(2), &SimulationConfig::default())?;
     let plan = source.plan().clone();
-    let count = u32::try_from(plan.taps().len())?;
-    let mut taps = Vec::new();
-    for row in 0..count {
-        let (mut header, mut buffer) = (TapHeader::default(), record_of(&source));
-        source.render(row, 0, &mut header, &mut buffer)?;
-        header.stamp.kind = RecordKind::Data.code();
-        taps.push((header, buffer));
-    }
+    let count = plan.taps().len();
+    let mut taps = Record::render_all(&mut source, 0..count)?;
+    taps.iter_mut().for_each(|tap| tap.header.stamp.kind = RecordKind::Data.code());
     let path = folder.join("alone.h5");
     let before_s = cpu_s(std::process::id())?;
     let mut writer = Writer::create(&path, &plan, 0, "[store]\n")?;
     let mut extractor = ProcessExtractor::new(&ProcessConfig::default())?;
     let mut fusion = Fusion::new(&FuseConfig::by(Reference::Own), &plan)?;
     for batch in taps.chunks(TapTopic::BORROWED) {
-        let borrowed: Vec<(&TapHeader, &[u8])> =
-            batch.iter().map(|(header, buffer)| (header, bytes_of(buffer))).collect();
+        let borrowed: Vec<_> = batch.iter().map(|tap| (&tap.header, tap.bytes())).collect();
         writer.put_taps(&borrowed)?;
-        for (header, buffer) in batch {
-            let found = extractor.extract(header, Samples::view(header, buffer).context("a tap describes itself")?);
+        for tap in batch {
+            let found = extractor.extract(&tap.header, tap.samples());
             writer.put_discriminators(&found)?;
             fusion.push(&found)?;
         }
@@ -168,7 +163,7 @@ fn one_process(folder: &Path) -> Result<f64> {
         writer.put_judgement(scan, &judgement, &cells)?;
     }
     writer.finish()?;
-    let us = (cpu_s(std::process::id())? - before_s) * 1e6 / f64::from(count);
+    let us = (cpu_s(std::process::id())? - before_s) * 1e6 / count as f64;
     std::fs::remove_file(&path)?;
     Ok(us)
 }
@@ -236,8 +231,4 @@ fn run_line(folder: &Path, stations: u16, taps_per_s: Option<f64>, recorded: Opt
         latency_p99_us: pace.latency_p99_us,
         cpu_us: pace.processes.into_iter().map(|of| (of.name, [us(of.user_s), us(of.kernel_s)])).collect(),
     })
-}
-
-fn record_of(source: &SimulatedLine) -> Vec<CacheLine> {
-    vec![CacheLine::default(); cache_lines_for(source.plan().recording.payload_bytes_max())]
 }

@@ -8,7 +8,58 @@ use std::sync::{Mutex, PoisonError};
 use anyhow::{Context as _, Result, bail};
 use tapline_acquire::{AcquireConfig, Source};
 use tapline_host::progress::{Progress, Unit};
-use tapline_wire::{CacheLine, Plan, Samples, TapHeader, cache_lines_for};
+use tapline_wire::{CacheLine, Plan, Samples, TapHeader, bytes_of, cache_lines_for, i16_of_mut};
+
+/// A tap as a source renders it.
+#[derive(Debug, Clone)]
+pub struct Record {
+    /// What is known of it.
+    pub header: TapHeader,
+    buffer: Vec<CacheLine>,
+}
+
+impl Record {
+    /// Renders the tap in plan row `row`, as its first attempt.
+    ///
+    /// # Errors
+    /// The source's refusal, or a record that does not fit its header.
+    pub fn render(source: &mut impl Source, row: u32) -> Result<Self> {
+        let buffer = vec![CacheLine::default(); cache_lines_for(source.plan().recording.payload_bytes_max())];
+        let mut record = Self { header: TapHeader::default(), buffer };
+        source.render(row, 0, &mut record.header, &mut record.buffer)?;
+        Samples::view(&record.header, &record.buffer).context("a record does not fit its header")?;
+        Ok(record)
+    }
+
+    /// Renders the taps in `rows` of the plan.
+    ///
+    /// # Errors
+    /// As [`Record::render`].
+    pub fn render_all(source: &mut impl Source, rows: impl IntoIterator<Item = usize>) -> Result<Vec<Self>> {
+        rows.into_iter().map(|row| Self::render(source, u32::try_from(row)?)).collect()
+    }
+
+    /// Its samples, channel by channel.
+    pub fn samples(&self) -> Samples<'_> {
+        Samples::view(&self.header, &self.buffer).unwrap_or(Samples::I16(&[]))
+    }
+
+    /// Its samples, if they are counts of 16 bits; none if not.
+    pub fn counts(&self) -> &[i16] {
+        if let Samples::I16(counts) = self.samples() { counts } else { &[] }
+    }
+
+    /// The same, to be changed; only for counts of 16 bits.
+    pub(crate) fn counts_mut(&mut self) -> &mut [i16] {
+        let count = self.header.payload_bytes() / 2;
+        &mut i16_of_mut(&mut self.buffer)[..count]
+    }
+
+    /// The bytes of its samples.
+    pub fn bytes(&self) -> &[u8] {
+        &bytes_of(&self.buffer)[..self.header.payload_bytes()]
+    }
+}
 
 /// Taps that a thread takes at a time: few enough that threads end together, and enough that they rarely lock.
 const TAPS_AT_A_TIME: usize = 16;

@@ -9,6 +9,7 @@
 //! - [`stability`]: breakdown curves: how wrong a number gets as a disturbance grows.
 //! - [`headroom`]: how many stations a host supports, and what limits them.
 //! - [`line_cost`]: what a run of the built program cost.
+//! - [`in_memory`]: taps rendered and read within this process.
 //! - [`hop`]: records sent between processes, through shared memory and in other ways.
 //! - [`simulated`]: casings of two simulators, tapped and judged.
 //! - [`written`]: the files that a verb writes.
@@ -21,7 +22,7 @@ pub mod experiment;
 pub mod figures;
 pub mod headroom;
 pub mod hop;
-mod in_memory;
+pub mod in_memory;
 pub mod line_cost;
 pub mod pod;
 mod shoulder_result;

@@ -21,7 +21,7 @@ pub(crate) use dataset::scan_model;
 pub(crate) use judged::alone_of;
 pub use judged::{Judged, Judging, judge, reference};
 pub use reading::Reading;
-pub(crate) use reading::quantised;
+pub(crate) use reading::quantise;
 pub use scan_taps::{ScanTaps, Times, Turn};
 pub use scene::{Crack, Scene, Simulator, Tyre};
 pub(crate) use set::simulate;

@@ -50,7 +50,7 @@ impl Reader {
 }
 
 /// `samples` as a converter of so many bits gives them.
-pub(crate) fn quantised<'a>(
+fn quantised<'a>(
     bits: u32,
     header: &TapHeader,
     samples: Samples<'_>,
@@ -59,14 +59,9 @@ pub(crate) fn quantised<'a>(
 ) -> Samples<'a> {
     match samples {
         Samples::I16(all) => {
-            // Rounded to the nearest step; the highest is one step short of full scale.
-            let step = 1_i32 << (16 - bits);
-            let round = |&x: &i16| {
-                let rounded = (i32::from(x) + step / 2).div_euclid(step) * step;
-                i16::try_from(rounded.min(32_768 - step)).unwrap_or(i16::MIN)
-            };
             counts.clear();
-            counts.extend(all.iter().map(round));
+            counts.extend_from_slice(all);
+            quantise(bits, counts);
             Samples::I16(counts)
         }
         Samples::F32(all) => {
@@ -77,6 +72,16 @@ pub(crate) fn quantised<'a>(
             }
             Samples::F32(units)
         }
+    }
+}
+
+/// Rounds `counts` of 16 bits to those of a converter of `bits`.
+pub(crate) fn quantise(bits: u32, counts: &mut [i16]) {
+    // To the nearest step; the highest is one step short of full scale.
+    let step = 1_i32 << (16 - bits);
+    for x in counts {
+        let rounded = (i32::from(*x) + step / 2).div_euclid(step) * step;
+        *x = i16::try_from(rounded.min(32_768 - step)).unwrap_or(i16::MIN);
     }
 }
 

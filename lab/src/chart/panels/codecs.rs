@@ -9,7 +9,6 @@ use flate2::write::ZlibEncoder;
 use tapline_acquire::{ScanConfig, SimulatedLine, Source};
 use tapline_codec::{Codec, pack, unpack};
 use tapline_model::SimulationConfig;
-use tapline_wire::{CacheLine, TapHeader, bytes_of, cache_lines_for};
 
 use super::Entry;
 use crate::chart::Bench;
@@ -18,6 +17,7 @@ use crate::chart::front::Tolerance;
 use crate::chart::panel::{Facet, Panel, Quantity};
 use crate::chart::point::{Cost, Error, Point};
 use crate::evaluation::{Table, cell};
+use crate::in_memory::Record;
 
 pub(super) const ENTRY: Entry =
     Entry { name: "codecs", expected_s: |size| if size.is_full { 25.0 } else { 3.0 }, uses_casings: false, measure };
@@ -78,17 +78,11 @@ fn measure(bench: &Bench) -> Result<Panel> {
 
 /// Some taps of `source`, from all over its plan.
 fn taps(source: &mut impl Source, count: usize) -> Result<Taps> {
-    let recording = source.plan().recording.clone();
     let source_count = source.plan().taps().len();
     let every = (source_count / count).max(1);
-    let mut buffer = vec![CacheLine::default(); cache_lines_for(recording.payload_bytes_max())];
-    let mut tap = |row: usize| -> Result<Vec<u8>> {
-        let mut header = TapHeader::default();
-        source.render(u32::try_from(row)?, 0, &mut header, &mut buffer)?;
-        Ok(bytes_of(&buffer)[..header.payload_bytes()].to_vec())
-    };
-    let rows = (0..count.min(source_count)).map(|k| k * every);
-    Ok(Taps { element_bytes: recording.sample_format.bytes(), all: rows.map(&mut tap).collect::<Result<_>>()? })
+    let records = Record::render_all(source, (0..count.min(source_count)).map(|k| k * every))?;
+    let all = records.iter().map(|record| record.bytes().to_vec()).collect();
+    Ok(Taps { element_bytes: source.plan().recording.sample_format.bytes(), all })
 }
 
 fn facet(bench: &Bench, name: &str, title: &str, taps: &Taps, table: &mut Table) -> Result<Facet> {

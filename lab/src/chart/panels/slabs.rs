@@ -5,7 +5,7 @@ use serde::Deserialize;
 use tapline_acquire::{Source as _, TapSet};
 use tapline_fuse::{FuseConfig, IndexKind};
 use tapline_process::{Precision, ProcessConfig, ProcessExtractor};
-use tapline_wire::{CacheLine, Discriminators, Plan, Samples, TapHeader, cache_lines_for};
+use tapline_wire::Plan;
 
 use super::Entry;
 use crate::chart::Bench;
@@ -14,6 +14,7 @@ use crate::chart::front::Tolerance;
 use crate::chart::panel::{Facet, Panel, Quantity};
 use crate::chart::point::{Error, Point};
 use crate::evaluation::Areas;
+use crate::in_memory::Record;
 use crate::simulated::Dataset;
 
 pub(super) const ENTRY: Entry =
@@ -102,7 +103,7 @@ const WAYS: [Way; 6] = [
 
 struct Taps {
     plan: Plan,
-    all: Vec<(TapHeader, Vec<CacheLine>)>,
+    all: Vec<Record>,
 }
 
 fn measure(bench: &Bench) -> Result<Panel> {
@@ -128,14 +129,7 @@ fn measure(bench: &Bench) -> Result<Panel> {
 
 fn taps(mut set: TapSet) -> Result<Taps> {
     let plan = set.plan().clone();
-    let bytes = plan.recording.payload_bytes_max();
-    let mut tap = |row: usize| -> Result<(TapHeader, Vec<CacheLine>)> {
-        let (mut header, mut buffer) = (TapHeader::default(), vec![CacheLine::default(); cache_lines_for(bytes)]);
-        set.render(u32::try_from(row)?, 0, &mut header, &mut buffer)?;
-        Ok((header, buffer))
-    };
-    let all = (0..plan.taps().len()).map(&mut tap).collect::<Result<_>>()?;
-    Ok(Taps { plan, all })
+    Ok(Taps { all: Record::render_all(&mut set, 0..plan.taps().len())?, plan })
 }
 
 impl Slab {
@@ -183,10 +177,7 @@ fn facet(bench: &Bench, slab: &Slab, taps: &Taps) -> Result<Facet> {
 }
 
 fn read(extractor: &mut ProcessExtractor, taps: &Taps) -> Dataset {
-    let of_tap = |(header, buffer): &(TapHeader, Vec<CacheLine>)| match Samples::view(header, buffer) {
-        Some(samples) => extractor.extract(header, samples),
-        None => Discriminators { id: header.id, plan_index: header.plan_index, ..Discriminators::default() },
-    };
+    let of_tap = |tap: &Record| extractor.extract(&tap.header, tap.samples());
     Dataset { plan: taps.plan.clone(), records: taps.all.iter().map(of_tap).collect() }
 }
 

@@ -3,11 +3,11 @@
 use anyhow::{Context as _, Result};
 use rayon::prelude::*;
 use realfft::RealFftPlanner;
-use tapline_acquire::{ScanConfig, SimulatedLine, Source as _, TyreConfig};
+use tapline_acquire::{ScanConfig, SimulatedLine, TyreConfig};
 use tapline_draw::record::{channel, periodogram};
 use tapline_model::{Crack, SimulationConfig};
 use tapline_process::{Precision, ProcessConfig, ProcessExtractor, QualityConfig, Subtraction};
-use tapline_wire::{CacheLine, Channel, Discriminator, Samples, TapHeader, cache_lines_for};
+use tapline_wire::{Channel, Discriminator};
 
 use super::Entry;
 use crate::chart::Bench;
@@ -16,6 +16,7 @@ use crate::chart::front::Tolerance;
 use crate::chart::panel::{Facet, Panel, Quantity};
 use crate::chart::point::{Cost, Error, Point};
 use crate::chart::stability;
+use crate::in_memory::Record;
 
 pub(super) const ENTRY: Entry =
     Entry { name: "spectrum", expected_s: |size| if size.is_full { 15.0 } else { 2.0 }, uses_casings: false, measure };
@@ -75,19 +76,12 @@ impl Way {
     }
 
     /// The powers of a record, scaled to one of [`SAMPLES`]: densities refer to the whole record.
-    fn powers(self, extractor: &mut ProcessExtractor, tap: &Tap) -> Powers {
-        let found = extractor.extract(&tap.header, Samples::I16(&tap.counts)).values;
+    fn powers(self, extractor: &mut ProcessExtractor, tap: &Record) -> Powers {
+        let found = extractor.extract(&tap.header, tap.samples()).values;
         let scale = f64::from(self.samples) / f64::from(SAMPLES);
         let of = |which| found.get(which).unwrap_or(f64::NAN);
         [of(Discriminator::Pr), scale * of(Discriminator::Pf), scale * of(Discriminator::Ef)]
     }
-}
-
-/// A tap of `model`.
-#[derive(Debug, Clone)]
-struct Tap {
-    header: TapHeader,
-    counts: Vec<i16>,
 }
 
 fn measure(bench: &Bench) -> Result<Panel> {
@@ -122,7 +116,7 @@ fn measure(bench: &Bench) -> Result<Panel> {
 }
 
 /// Taps of a casing with a crack of medium depth under a tenth of them, with the rig's noise and hum or without.
-fn taps(bench: &Bench, seed: u64, has_noise: bool) -> Result<Vec<Tap>> {
+fn taps(bench: &Bench, seed: u64, has_noise: bool) -> Result<Vec<Record>> {
     let count = u32::try_from(bench.size.taps)?;
     let crack = Crack { shoulder: 1, first_location: 0, location_count: count.div_ceil(10), ..Crack::default() };
     let scan = ScanConfig {
@@ -138,21 +132,12 @@ fn taps(bench: &Bench, seed: u64, has_noise: bool) -> Result<Vec<Tap>> {
     let simulation =
         if has_noise { rig } else { SimulationConfig { force_noise_n: 0.0, sound_noise_v: 0.0, hum_v: 0.0, ..rig } };
     let mut line = SimulatedLine::new(&scan, &simulation)?;
-    let mut buffer = vec![CacheLine::default(); cache_lines_for(line.plan().recording.payload_bytes_max())];
-    let mut tap = |row| {
-        let mut header = TapHeader::default();
-        line.render(row, 0, &mut header, &mut buffer)?;
-        match Samples::view(&header, &buffer) {
-            Some(Samples::I16(counts)) => Ok(Tap { header, counts: counts.to_vec() }),
-            _ => anyhow::bail!("the simulated rig gives counts"),
-        }
-    };
-    (0..count).map(&mut tap).collect()
+    Record::render_all(&mut line, 0..bench.size.taps)
 }
 
 /// The powers from a periodogram that shares no code with `process`.
-fn truth(tap: &Tap) -> Result<Powers> {
-    let sound = channel(&tap.header, Samples::I16(&tap.counts), Channel::Sound).context("a tap has a sound")?;
+fn truth(tap: &Record) -> Result<Powers> {
+    let sound = channel(&tap.header, tap.samples(), Channel::Sound).context("a tap has a sound")?;
     let bin_hz = RATE_HZ / sound.len() as f64;
     let density = periodogram(&mut RealFftPlanner::new(), sound, RATE_HZ)?;
     let config = ProcessConfig::default();
@@ -167,7 +152,7 @@ fn truth(tap: &Tap) -> Result<Powers> {
 }
 
 /// Root mean square of the relative errors of all powers of `taps`.
-fn error(way: Way, taps: &[Tap], truths: &[Powers]) -> Result<f64> {
+fn error(way: Way, taps: &[Record], truths: &[Powers]) -> Result<f64> {
     let mut extractor = ProcessExtractor::new(&way.config())?;
     let (mut squares, mut count) = (0.0, 0.0);
     for (tap, truth) in taps.iter().zip(truths) {

@@ -1,18 +1,18 @@
 //! The ways of recording and reading that are tried, and what each costs.
 
-use anyhow::{Context as _, Result};
-use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
+use anyhow::Result;
+use tapline_acquire::{ScanConfig, SimulatedLine};
 use tapline_codec::{Codec, pack};
 use tapline_model::SimulationConfig;
 use tapline_process::{ProcessConfig, ProcessExtractor};
-use tapline_wire::{CacheLine, Samples, TapHeader, cache_lines_for};
 
 use crate::chart::Bench;
 use crate::chart::cost::{Workload, by_turns};
 use crate::chart::point::{Cost, Failure};
 use crate::chart::size::Size;
 use crate::chart::stability;
-use crate::simulated::{Reading, quantised};
+use crate::in_memory::Record;
+use crate::simulated::{Reading, quantise};
 
 pub(in crate::chart::panels) const RATE_HZ: f64 = 40_960.0;
 /// Length of the longest record; the shorter ones are its beginnings.
@@ -140,21 +140,15 @@ pub(in crate::chart::panels) struct HeardCost {
     pub cpu_us: Cost,
 }
 
-/// A tap of `model`, as on a line.
-struct Tap {
-    header: TapHeader,
-    counts: Vec<i16>,
-}
-
 /// What each of `heard` costs, on taps of one casing of `model`.
 pub(in crate::chart::panels) fn costs(bench: &Bench, heard: &[Heard]) -> Result<Vec<HeardCost>> {
-    let taps: Vec<Vec<Tap>> = heard.iter().map(|heard| taps(bench, heard)).collect::<Result<_>>()?;
+    let taps: Vec<Vec<Record>> = heard.iter().map(|heard| taps(bench, heard)).collect::<Result<_>>()?;
     let bytes = taps.iter().map(|taps| packed_kib(taps));
     let mut workloads = Vec::new();
     for (heard, taps) in heard.iter().zip(&taps) {
         let mut extractor = ProcessExtractor::new(&heard.reading.process)?;
         workloads.push(Workload::each(taps, move |tap| {
-            let found = extractor.extract(&tap.header, Samples::I16(&tap.counts));
+            let found = extractor.extract(&tap.header, tap.samples());
             f64::from(found.values.get(tapline_wire::Discriminator::Pr).is_some())
         }));
     }
@@ -163,7 +157,7 @@ pub(in crate::chart::panels) fn costs(bench: &Bench, heard: &[Heard]) -> Result<
 }
 
 /// Records of a rig that records no more than `heard` reads.
-fn taps(bench: &Bench, heard: &Heard) -> Result<Vec<Tap>> {
+fn taps(bench: &Bench, heard: &Heard) -> Result<Vec<Record>> {
     let scan = ScanConfig { seed: bench.seed, ..ScanConfig::default() };
     let simulation = SimulationConfig {
         sample_rate_hz: heard.rate_hz,
@@ -172,29 +166,18 @@ fn taps(bench: &Bench, heard: &Heard) -> Result<Vec<Tap>> {
         ..SimulationConfig::default()
     };
     let mut line = SimulatedLine::new(&scan, &simulation)?;
-    let mut buffer = vec![CacheLine::default(); cache_lines_for(line.plan().recording.payload_bytes_max())];
-    let rows = 0..u32::try_from(bench.size.taps)?;
-    let mut tap = |row| {
-        let mut header = TapHeader::default();
-        line.render(row, 0, &mut header, &mut buffer)?;
-        let samples = Samples::view(&header, &buffer).context("a record does not fit its header")?;
-        let (mut counts, mut units) = (Vec::new(), Vec::new());
-        let heard = match heard.reading.bits {
-            Some(bits) => quantised(bits, &header, samples, &mut counts, &mut units),
-            None => samples,
-        };
-        let Samples::I16(counts) = heard else { anyhow::bail!("the simulated rig gives counts") };
-        Ok(Tap { header, counts: counts.to_vec() })
-    };
-    rows.map(&mut tap).collect()
+    let mut taps = Record::render_all(&mut line, 0..bench.size.taps)?;
+    if let Some(bits) = heard.reading.bits {
+        taps.iter_mut().for_each(|tap| quantise(bits, tap.counts_mut()));
+    }
+    Ok(taps)
 }
 
 /// Both channels of each tap, packed.
-fn packed_kib(taps: &[Tap]) -> Cost {
+fn packed_kib(taps: &[Record]) -> Cost {
     let (mut planes, mut packed) = (Vec::new(), Vec::new());
-    let of_tap = |tap: &Tap| {
-        let bytes: Vec<u8> = tap.counts.iter().flat_map(|count| count.to_le_bytes()).collect();
-        pack(Codec::default(), 2, &bytes, &mut planes, &mut packed);
+    let of_tap = |tap: &Record| {
+        pack(Codec::default(), 2, tap.bytes(), &mut planes, &mut packed);
         packed.len() as f64 / 1024.0
     };
     let kib: Vec<f64> = taps.iter().map(of_tap).collect();
