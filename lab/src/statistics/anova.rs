@@ -1,7 +1,8 @@
 //! Analysis of variance of a complete crossed design.
 
+use statrs::distribution::{ContinuousCDF as _, FisherSnedecor};
+
 use super::Refusal;
-use super::beta::f_upper_tail;
 
 /// One line of an analysis of variance.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,8 +32,8 @@ impl AnovaRow {
     /// `None` where `error` is 0 or either has no degrees of freedom.
     pub fn f_test(&self, error: &Self) -> Option<(f64, f64)> {
         let ratio = Some(self.mean_square / error.mean_square).filter(|ratio| ratio.is_finite())?;
-        let has_degrees = self.degrees > 0 && error.degrees > 0;
-        has_degrees.then(|| (ratio, f_upper_tail(ratio, self.degrees as f64, error.degrees as f64)))
+        let of_ratios = FisherSnedecor::new(self.degrees as f64, error.degrees as f64).ok()?;
+        Some((ratio, of_ratios.sf(ratio)))
     }
 }
 

@@ -13,7 +13,6 @@
 
 mod a_hat;
 mod anova;
-mod beta;
 mod bound;
 mod gauge;
 mod hit_miss;

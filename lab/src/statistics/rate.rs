@@ -1,7 +1,11 @@
 //! A rate from a count, with its interval: of false calls, or of finds at one size.
 
+use statrs::distribution::{Beta, ContinuousCDF as _};
+
 use super::Refusal;
-use super::beta::beta_quantile;
+
+/// Halvings of 0 to 1: the last is below the rounding of any rate that a count can give.
+const HALVINGS: usize = 64;
 
 /// A rate and its two-sided interval, all 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,7 +38,20 @@ pub fn clopper_pearson(count: usize, all: usize, level: f64) -> Result<Rate, Ref
     if !(level > 0.0 && level < 1.0) {
         return Err(Refusal::OutOfRange("level", level, 0.0, 1.0));
     }
-    let low = if count == 0 { 0.0 } else { beta_quantile(k, n - k + 1.0, tail) };
-    let high = if count == all { 1.0 } else { beta_quantile(k + 1.0, n - k, 1.0 - tail) };
+    // Only shapes that are not above 0 are refused: those of no count, and of all.
+    let end = |a, b, probability| Beta::new(a, b).ok().map(|beta| quantile(&beta, probability));
+    let low = end(k, n - k + 1.0, tail).unwrap_or(0.0);
+    let high = end(k + 1.0, n - k, 1.0 - tail).unwrap_or(1.0);
     Ok(Rate { rate: k / n, low, high })
+}
+
+/// The value at which `beta` reaches `probability`. The library's own finds it to seven digits; bisection needs no start, and
+/// cannot fail.
+fn quantile(beta: &Beta, probability: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        if beta.cdf(middle) < probability { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
 }
