@@ -5,7 +5,7 @@ use anyhow::Result;
 use super::panel::{Facet, Panel};
 use super::point::Point;
 use super::provenance::Provenance;
-use crate::evaluation::rounded;
+use crate::evaluation::{Table, rounded};
 
 pub(crate) fn csv(panels: &[Panel], provenance: &Provenance) -> Result<String> {
     let mut rows = Vec::new();
@@ -15,12 +15,10 @@ pub(crate) fn csv(panels: &[Panel], provenance: &Provenance) -> Result<String> {
             rows.extend(points.map(|(point, on_front)| row(panel, facet, point, on_front, provenance)));
         }
     }
-    let mut out = csv::Writer::from_writer(Vec::new());
-    for head in rows.iter().take(1) {
-        out.write_record(head.iter().map(|(column, _)| column))?;
-    }
-    rows.iter().try_for_each(|row| out.write_record(row.iter().map(|(_, cell)| cell)))?;
-    Ok(String::from_utf8(out.into_inner()?)?)
+    let columns = rows.first().into_iter().flatten().map(|(column, _)| *column);
+    let mut table = Table::long("points", "", columns);
+    rows.into_iter().for_each(|row| table.push_texts(row.into_iter().map(|(_, cell)| cell)));
+    table.csv()
 }
 
 /// The columns of a point, each with its cell.

@@ -10,7 +10,7 @@ use std::path::Path;
 use self::curves::{Figure, figure};
 use anyhow::Result;
 
-use crate::evaluation::rounded;
+use crate::evaluation::{Table, rounded};
 use crate::written::WrittenArgs;
 
 /// Digits in tables, without those that may differ between machines.
@@ -34,13 +34,13 @@ pub fn figures(out: &Path, only: Option<u8>, written: WrittenArgs) -> Result<()>
 
 /// One row a point, in SI units.
 fn csv(figure: &Figure) -> Result<String> {
-    let mut out = csv::Writer::from_writer(Vec::new());
-    out.write_record(["curve", "rung", figure.x.name, figure.y.name, "in_domain"])?;
+    let mut table = Table::long("", "", ["curve", "rung", figure.x.name, figure.y.name, "in_domain"]);
     for curve in &figure.curves {
         for point in &curve.points {
             let [x, y] = [point.x, point.y].map(|value| rounded(value, DIGITS));
-            out.write_record([curve.name, curve.rung.name(), &x, &y, if point.in_domain { "1" } else { "0" }])?;
+            let in_domain = if point.in_domain { "1" } else { "0" };
+            table.push_texts([curve.name, curve.rung.name(), &x, &y, in_domain].map(str::to_owned));
         }
     }
-    Ok(String::from_utf8(out.into_inner()?)?)
+    table.csv()
 }

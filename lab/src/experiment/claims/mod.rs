@@ -12,6 +12,7 @@ use tapline_fuse::auc;
 use tapline_wire::Discriminator;
 
 use super::dataset::{Experiment, Tap};
+use crate::evaluation::Table;
 
 /// Whether what is found is what is claimed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -94,13 +95,11 @@ pub(super) fn claims(experiment: &Experiment) -> Result<Vec<Claim>> {
 }
 
 pub(super) fn csv(claims: &[Claim]) -> Result<String> {
-    let mut out = csv::Writer::from_writer(Vec::new());
-    out.write_record(["claim", "where", "quantity", "dissertation", "ours", "agrees"])?;
-    for claim in claims {
-        let agrees = claim.agrees.to_string();
-        out.write_record([claim.id, claim.place, claim.quantity, claim.dissertation, &claim.ours, &agrees])?;
+    let mut table = Table::long("claims", "", ["claim", "where", "quantity", "dissertation", "ours", "agrees"]);
+    for Claim { id, place, quantity, dissertation, ours, agrees, .. } in claims {
+        table.push_texts([id, place, quantity, dissertation, ours.as_str(), &agrees.to_string()].map(str::to_owned));
     }
-    Ok(String::from_utf8(out.into_inner()?)?)
+    table.csv()
 }
 
 /// The page above its table.
