@@ -4,10 +4,10 @@ use std::f64::consts::PI;
 
 use anyhow::{Result, bail};
 use tapline_model::{Impact, Rung, Scene};
-use tapline_process::{DurationEstimator, Extractor, PeakEstimator, ProcessConfig};
+use tapline_process::{DurationEstimator, PeakEstimator, Precision, ProcessConfig, ProcessExtractor};
 use tapline_wire::{Channel, Discriminator, Values};
 
-use super::{Cell, Effort, Errors, Estimator, RATES_HZ, Row, add_noise, amount, extract, uniform};
+use super::{Cell, Effort, Estimator, RATES_HZ, Row, add_noise, amount, extract, rows, uniform};
 
 /// Taps of each cell of the page.
 pub(super) const EFFORT: Effort = Effort { seed: 0, taps: 300 };
@@ -99,9 +99,14 @@ const F_MAX: &[Discriminator] = &[Discriminator::FMax];
 const TAU: &[Discriminator] = &[Discriminator::Tau];
 const BOTH: &[Discriminator] = &[Discriminator::FMax, Discriminator::Tau];
 
+/// The defaults in double precision.
+fn plain() -> ProcessConfig {
+    ProcessConfig { precision: Precision::F64, ..super::plain() }
+}
+
 /// The estimators of `which`, F_max or tau.
 pub(crate) fn estimators_of(which: Discriminator) -> Vec<Estimator> {
-    let plain = super::plain();
+    let plain = plain();
     let peak = |name, f_max| Estimator { name, config: ProcessConfig { f_max, ..plain }, quantities: F_MAX };
     let of_time = |name, tau| Estimator { name, config: ProcessConfig { tau, ..plain }, quantities: TAU };
     match which {
@@ -120,7 +125,7 @@ pub(crate) fn estimators_of(which: Discriminator) -> Vec<Estimator> {
 }
 
 fn estimators(cell: &Cell) -> Result<Vec<Estimator>> {
-    let plain = super::plain();
+    let plain = plain();
     Ok(match cell.table.as_str() {
         "force" => [Discriminator::FMax, Discriminator::Tau].map(estimators_of).concat(),
         "clip" => vec![Estimator { name: "parabola", config: plain, quantities: BOTH }],
@@ -154,32 +159,16 @@ fn records(pulse: &Pulse, cell: &Cell, effort: Effort) -> Result<Vec<Vec<f32>>> 
 }
 
 /// What `extractor` finds in a record of [`pulse_records`].
-pub(crate) fn extract_force(extractor: &mut Extractor<f64>, samples: &[f32], rate_hz: u32) -> Option<Values> {
+pub(crate) fn extract_force(extractor: &mut ProcessExtractor, samples: &[f32], rate_hz: u32) -> Option<Values> {
     extract(extractor, Channel::Force, samples, rate_hz, PRE_TRIGGER).ok()
 }
 
 pub(super) fn measure(cell: &Cell, effort: Effort) -> Result<Vec<Row>> {
     let pulse = Pulse::named(&cell.signal)?;
-    let estimators = estimators(cell)?;
-    let mut extractors = Vec::new();
-    for estimator in &estimators {
-        extractors.push((Extractor::<f64>::new(&estimator.config)?, [Errors::default(), Errors::default()]));
-    }
-    for samples in records(&pulse, cell, effort)? {
-        for (extractor, [f_max, tau]) in &mut extractors {
-            let found = extract(extractor, Channel::Force, &samples, cell.rate_hz, PRE_TRIGGER)?;
-            f_max.push(found.get(Discriminator::FMax), pulse.f_max_n());
-            tau.push(found.get(Discriminator::Tau), pulse.contact_time_s);
-        }
-    }
-    let mut rows = Vec::new();
-    for (estimator, (_, [f_max, tau])) in estimators.iter().zip(&extractors) {
-        for &quantity in estimator.quantities {
-            let errors = if quantity == Discriminator::FMax { f_max } else { tau };
-            rows.push(errors.row(cell, estimator.name, quantity));
-        }
-    }
-    Ok(rows)
+    let taps = records(&pulse, cell, effort)?;
+    rows(cell, Channel::Force, PRE_TRIGGER, &estimators(cell)?, &taps, |_, which| {
+        Some(if which == Discriminator::FMax { pulse.f_max_n() } else { pulse.contact_time_s })
+    })
 }
 
 /// The samples of `pulse`, which begins `phase` samples before the trigger, after the AC coupling if the cell has one.

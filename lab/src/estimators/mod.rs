@@ -9,13 +9,13 @@ mod sound;
 
 use std::path::Path;
 
-use anyhow::{Result, bail};
+use anyhow::{Context as _, Result, bail};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal, Uniform};
 use serde::{Deserialize, Serialize};
 use tapline_host::progress::{Progress, Unit};
-use tapline_process::{Extractor, ProcessConfig, QualityConfig, Real};
+use tapline_process::{ProcessConfig, ProcessExtractor, QualityConfig};
 use tapline_wire::{Channel, Discriminator, Samples, TapHeader, digest_of_parts};
 
 use page::markdown;
@@ -166,9 +166,34 @@ impl Errors {
     }
 }
 
+/// A row for each quantity of each of `estimators`, from `taps` of the channel `kind` in its unit. `truth` is the value that an
+/// estimator should find.
+fn rows(
+    cell: &Cell,
+    kind: Channel,
+    pre_trigger_samples: u32,
+    estimators: &[Estimator],
+    taps: &[Vec<f32>],
+    truth: impl Fn(&Estimator, Discriminator) -> Option<f64>,
+) -> Result<Vec<Row>> {
+    let mut rows = Vec::new();
+    for estimator in estimators {
+        let mut extractor = ProcessExtractor::new(&estimator.config)?;
+        let found = taps.iter().map(|tap| extract(&mut extractor, kind, tap, cell.rate_hz, pre_trigger_samples));
+        let found = found.collect::<Result<Vec<_>>>()?;
+        for &quantity in estimator.quantities {
+            let truth = truth(estimator, quantity).context("a clean tap has its values")?;
+            let mut errors = Errors::default();
+            found.iter().for_each(|found| errors.push(found.get(quantity), truth));
+            rows.push(errors.row(cell, estimator.name, quantity));
+        }
+    }
+    Ok(rows)
+}
+
 /// What `extractor` finds in a record of one channel, whose samples are in its unit.
-fn extract<T: Real>(
-    extractor: &mut Extractor<T>,
+fn extract(
+    extractor: &mut ProcessExtractor,
     kind: Channel,
     samples: &[f32],
     rate_hz: u32,

@@ -2,12 +2,12 @@
 
 use std::f64::consts::TAU;
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Result, bail};
 use tapline_model::{Crack, SimulatedRig, SimulatedTap, SimulatedTyre, SimulationConfig};
-use tapline_process::{BandEdges, Extractor, Precision, ProcessConfig, Real, Subtraction};
+use tapline_process::{BandEdges, Precision, ProcessConfig, ProcessExtractor, Subtraction};
 use tapline_wire::{Channel, Discriminator};
 
-use super::{Cell, Errors, Estimator, RATES_HZ, Row, add_noise, amount, extract, uniform};
+use super::{Cell, Estimator, RATES_HZ, Row, add_noise, amount, extract, rows, uniform};
 
 /// Taps of each cell.
 const TAPS: u32 = 100;
@@ -69,8 +69,8 @@ fn estimators() -> Vec<Estimator> {
 pub(super) fn measure(cell: &Cell) -> Result<Vec<Row>> {
     let clean = clean(cell)?;
     let pre_trigger = pre_trigger(cell.rate_hz);
-    let mut reference = Extractor::<f64>::new(&super::plain())?;
-    let truth = powers(&mut reference, &clean, cell.rate_hz, RECORD_S)?;
+    let mut reference = ProcessExtractor::new(&ProcessConfig { precision: Precision::F64, ..super::plain() })?;
+    let truth = extract(&mut reference, Channel::Sound, &clean, cell.rate_hz, pre_trigger)?;
     let peak = clean.iter().map(|x| f64::from(x.abs())).max_by(f64::total_cmp).unwrap_or(f64::NAN);
     let mut generator = cell.generator(0);
     let mut taps = Vec::new();
@@ -81,47 +81,12 @@ pub(super) fn measure(cell: &Cell) -> Result<Vec<Row>> {
         add_noise(&mut samples, peak, cell.snr_db, &mut generator);
         taps.push(samples);
     }
-    let mut rows = Vec::new();
-    for estimator in estimators() {
-        rows.extend(match estimator.config.precision {
-            Precision::F32 => measure_with::<f32>(cell, &estimator, &taps, truth)?,
-            Precision::F64 => measure_with::<f64>(cell, &estimator, &taps, truth)?,
-        });
-    }
-    Ok(rows)
-}
-
-fn measure_with<T: Real>(
-    cell: &Cell,
-    estimator: &Estimator,
-    taps: &[Vec<f32>],
-    truth: [Option<f64>; 3],
-) -> Result<Vec<Row>> {
-    let mut extractor = Extractor::<T>::new(&estimator.config)?;
-    let mut errors = [Errors::default(), Errors::default(), Errors::default()];
-    let used_s = estimator.config.record_s;
-    let used_s = if used_s > 0.0 { used_s } else { RECORD_S };
-    for samples in taps {
-        let found = powers(&mut extractor, samples, cell.rate_hz, used_s)?;
-        for ((errors, found), truth) in errors.iter_mut().zip(found).zip(truth) {
-            errors.push(found, truth.context("a clean tap has its powers")?);
-        }
-    }
-    Ok(errors.iter().zip(estimator.quantities).map(|(errors, &q)| errors.row(cell, estimator.name, q)).collect())
-}
-
-/// PR, P_f and E_f of the first `used_s` of `samples`; density and energy are averages over that part, rescaled to
-/// averages over all.
-fn powers<T: Real>(
-    extractor: &mut Extractor<T>,
-    samples: &[f32],
-    rate_hz: u32,
-    used_s: f64,
-) -> Result<[Option<f64>; 3]> {
-    let found = extract(extractor, Channel::Sound, samples, rate_hz, pre_trigger(rate_hz))?;
-    let of = |which, scale: f64| found.get(which).map(|value| scale * value);
-    let part = used_s / RECORD_S;
-    Ok([of(Discriminator::Pr, 1.0), of(Discriminator::Pf, part), of(Discriminator::Ef, part)])
+    rows(cell, Channel::Sound, pre_trigger, &estimators(), &taps, |estimator, which| {
+        let used_s = estimator.config.record_s;
+        // Density and energy are averages over the part that is read: they are compared with averages over it.
+        let part = if used_s > 0.0 && which != Discriminator::Pr { used_s / RECORD_S } else { 1.0 };
+        truth.get(which).map(|truth| truth / part)
+    })
 }
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few hundred samples")]

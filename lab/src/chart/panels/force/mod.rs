@@ -3,7 +3,7 @@
 mod detection;
 
 use anyhow::{Context as _, Result};
-use tapline_process::{Extractor, ProcessConfig};
+use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_wire::Discriminator;
 
 use super::Entry;
@@ -133,7 +133,7 @@ fn costs(bench: &Bench, ways: &[Way]) -> Result<Vec<Cost>> {
         pulse_records(&cell("integral", RATE_HZ, Some(40)), Effort { seed: bench.seed, taps: bench.size.pulses })?;
     let mut workloads = Vec::new();
     for way in ways {
-        let mut extractor = Extractor::<f64>::new(&way.config)?;
+        let mut extractor = ProcessExtractor::new(&way.config)?;
         let which = way.quantities[0];
         workloads.push(Workload::each(&records, move |samples| {
             extract_force(&mut extractor, samples, RATE_HZ).and_then(|values| values.get(which)).unwrap_or(f64::NAN)
