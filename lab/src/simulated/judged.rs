@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use anyhow::Result;
-use tapline_fuse::{FuseConfig, Fusion, ReferenceSet};
+use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
 use tapline_wire::{Discriminator, Reasons, Scan};
 
 use super::dataset::Dataset;
@@ -50,17 +50,6 @@ impl Judged {
     }
 }
 
-/// The reference from the first `casings` of `set`, scanned as by `taps` but at every location.
-///
-/// # Errors
-/// If the set has not all of these taps.
-pub fn reference(config: &FuseConfig, set: &Set, casings: usize, taps: &ScanTaps) -> Result<Arc<ReferenceSet>> {
-    let shape = taps.shape(&set.shape);
-    let turns = shape.repetitions / if taps.is_confirmed { 2 } else { 1 };
-    let full = ScanTaps::full(&shape.offsets_mm, &shape.velocities_m_per_s, turns);
-    set.part(0..casings, &full, Scene::SoundSmooth)?.reference(config, |_| true)
-}
-
 /// The shoulders that count, for some casings of `set` in `scene`.
 ///
 /// # Errors
@@ -77,6 +66,23 @@ pub fn judge(judging: &Judging, set: &Set, casings: Range<usize>, scene: Scene) 
 }
 
 impl Judging {
+    /// Judges scans of `taps` by the reference of the first casings of a set and their number, scanned as by `taps` but at every
+    /// location; without them each casing by itself.
+    ///
+    /// # Errors
+    /// If the set has not all of these taps.
+    pub fn new(config: FuseConfig, known: Option<(&Set, usize)>, taps: ScanTaps) -> Result<Self> {
+        let config = FuseConfig { reference: Some(Reference::Own), ..config };
+        let reference = |(set, casings): (&Set, usize)| {
+            let shape = taps.shape(&set.shape);
+            let turns = shape.repetitions / if taps.is_confirmed { 2 } else { 1 };
+            let full = ScanTaps::full(&shape.offsets_mm, &shape.velocities_m_per_s, turns);
+            set.part(0..casings, &full, Scene::SoundSmooth)?.reference(&config, |_| true)
+        };
+        let reference = known.map(reference).transpose()?;
+        Ok(Self { config, reference, taps, times: Times::default() })
+    }
+
     /// `part` of `set`, with what stands out tapped again.
     fn again(&self, set: &Set, part: Dataset) -> Result<Dataset> {
         let mut fusion = part.fusion(&self.config, self.reference.as_ref())?;

@@ -19,7 +19,7 @@ pub use crate::shoulder_result::ShoulderResult;
 pub use dataset::Dataset;
 pub(crate) use dataset::scan_model;
 pub(crate) use judged::alone_of;
-pub use judged::{Judged, Judging, judge, reference};
+pub use judged::{Judged, Judging, judge};
 pub use reading::Reading;
 pub(crate) use reading::quantise;
 pub use scan_taps::{ScanTaps, Times, Turn};

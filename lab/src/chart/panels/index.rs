@@ -2,7 +2,7 @@
 
 use anyhow::{Context as _, Result};
 use rayon::prelude::*;
-use tapline_fuse::{FuseConfig, Fusion, IndexKind, Reference};
+use tapline_fuse::{FuseConfig, Fusion, IndexKind};
 use tapline_wire::{Discriminator, Discriminators, Plan, Verdict};
 
 use super::Entry;
@@ -14,7 +14,7 @@ use crate::chart::panel::{Facet, Panel, Quantity};
 use crate::chart::point::{Cost, Error, Failure, LEVEL, Point, exceeds};
 use crate::chart::size::Size;
 use crate::evaluation::{Areas, FALSE_ALARMS, FoundAt};
-use crate::simulated::{Dataset, Judged, Judging, ScanTaps, Scene, Simulator, Times, judge, reference};
+use crate::simulated::{Dataset, Judged, Judging, ScanTaps, Scene, Simulator, judge};
 use crate::statistics::clopper_pearson;
 
 pub(super) const ENTRY: Entry =
@@ -46,10 +46,10 @@ fn words(index: IndexKind) -> &'static str {
 
 impl Rule {
     fn config(self) -> FuseConfig {
-        let config = FuseConfig::by(Reference::Own);
+        let default = FuseConfig::default();
         match self {
-            Self::Index(index) | Self::EdgeAlone(index) => FuseConfig { index, ..config },
-            Self::Alone(which) => FuseConfig { discriminators: vec![which], ..config },
+            Self::Index(index) | Self::EdgeAlone(index) => FuseConfig { index, ..default },
+            Self::Alone(which) => FuseConfig { discriminators: vec![which], ..default },
         }
     }
 
@@ -77,9 +77,7 @@ impl Rule {
     }
 
     fn judging(self, size: &Size, group: &Group) -> Result<Judging> {
-        let (config, taps) = (self.config(), self.taps());
-        let reference = reference(&config, &group.reference, size.casings.reference, &taps)?;
-        Ok(Judging { config, reference: Some(reference), taps, times: Times::default() })
+        Judging::new(self.config(), Some((&group.reference, size.casings.reference)), self.taps())
     }
 }
 
@@ -248,8 +246,7 @@ fn lost_to_outliers(size: &Size, group: &Group, rule: Rule, clean: &Judging) -> 
         tap if tap == first + 1 => value / 20.0,
         _ => value,
     });
-    let reference = reference(&clean.config, &spoiled, size.casings.reference, &clean.taps)?;
-    let spoiled = Judging { reference: Some(reference), ..clean.clone() };
+    let spoiled = Judging::new(clean.config.clone(), Some((&spoiled, size.casings.reference)), clean.taps.clone())?;
     let area = |judging: &Judging| -> Result<f64> {
         let mut inspected = Inspected { seed: group.seed, sound: Vec::new(), cracked: Vec::new() };
         for (scene, set) in group.judged.iter().filter(|(scene, _)| !scene.is_sound()) {

@@ -15,9 +15,8 @@ use crate::chart::casings::{
 use crate::chart::front::Tolerance;
 use crate::chart::panel::{Facet, Guide, Panel, Quantity};
 use crate::chart::point::{Cost, Point};
-use crate::chart::size::Size;
 use crate::evaluation::{Cell, Table, cell, ends};
-use crate::simulated::{Judging, ScanTaps, Simulator, Times, reference};
+use crate::simulated::{Judging, ScanTaps, Simulator};
 
 pub(super) const ENTRY: Entry =
     Entry { name: "plans", expected_s: |size| if size.is_full { 150.0 } else { 8.0 }, uses_casings: true, measure };
@@ -114,7 +113,7 @@ fn tried(is_full: bool) -> Vec<Tried> {
 
 fn measure(bench: &Bench) -> Result<Panel> {
     let groups = bench.groups()?;
-    let stated = FuseConfig::default().re_inspect_rate;
+    let (stated, casings) = (FuseConfig::default().re_inspect_rate, bench.size.casings.reference);
     let title = "Every plan by simulator: seconds a casing, cracked shoulders that pass, by kind of crack and casing, and sound shoulders that \
                  do not pass where 2 % is stated";
     let columns = "simulator plan s_mean s_p95 missed missed_low missed_high faint_smooth faint_rough strong_smooth strong_rough \
@@ -125,8 +124,10 @@ fn measure(bench: &Bench) -> Result<Panel> {
     for simulator in Simulator::ALL {
         let mut points = Vec::new();
         for plan in &plans {
-            let size = &bench.size;
-            let configure = |group: &Group| judging(size, group, plan);
+            let configure = |group: &Group| {
+                let config = FuseConfig { index: plan.index, ..FuseConfig::default() };
+                Judging::new(config, Some((&group.reference, casings)), plan.taps.clone())
+            };
             let inspected = inspect(groups, simulator, &configure)?;
             points.push(point(plan, &inspected, stated)?);
             table.push(row(simulator, plan, &inspected)?);
@@ -175,13 +176,6 @@ fn notes(bench: &Bench) -> Vec<String> {
             .to_owned(),
         "Records are 0.05 s long, as in docs/rates.md; the panel `recording` shows that longer ones find no more.".to_owned(),
     ]
-}
-
-fn judging(size: &Size, group: &Group, plan: &Tried) -> Result<Judging> {
-    let config = FuseConfig { index: plan.index, ..FuseConfig::default() };
-    let reference = reference(&config, &group.reference, size.casings.reference, &plan.taps)?;
-    let config = FuseConfig { reference: Some(tapline_fuse::Reference::Own), ..config };
-    Ok(Judging { config, reference: Some(reference), taps: plan.taps.clone(), times: Times::default() })
 }
 
 /// Seconds of each casing.

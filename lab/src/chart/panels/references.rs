@@ -1,7 +1,7 @@
 //! What a shoulder is compared with: minutes on the rig that a reference takes, against misses and false calls.
 
 use anyhow::Result;
-use tapline_fuse::{FuseConfig, Reference};
+use tapline_fuse::FuseConfig;
 
 use super::Entry;
 use crate::chart::Bench;
@@ -11,7 +11,7 @@ use crate::chart::casings::{
 use crate::chart::front::Tolerance;
 use crate::chart::panel::{Facet, Panel, Quantity};
 use crate::chart::point::{Cost, Error, Point};
-use crate::simulated::{Judging, ScanTaps, Simulator, Times, reference};
+use crate::simulated::{Judging, ScanTaps, Simulator, Times};
 
 pub(super) const ENTRY: Entry =
     Entry { name: "references", expected_s: |size| if size.is_full { 50.0 } else { 3.0 }, uses_casings: true, measure };
@@ -24,7 +24,10 @@ fn measure(bench: &Bench) -> Result<Panel> {
     let mut found: Vec<(Simulator, Option<usize>, Vec<Inspected>)> = Vec::new();
     for simulator in Simulator::ALL {
         for &casings in &all {
-            let configure = |group: &Group| judging(group, casings, &taps);
+            let configure = |group: &Group| {
+                let known = casings.map(|casings| (&group.reference, casings));
+                Judging::new(FuseConfig::default(), known, taps.clone())
+            };
             found.push((simulator, casings, inspect(groups, simulator, &configure)?));
         }
     }
@@ -50,12 +53,6 @@ fn measure(bench: &Bench) -> Result<Panel> {
         ],
         facets,
     ))
-}
-
-fn judging(group: &Group, casings: Option<usize>, taps: &ScanTaps) -> Result<Judging> {
-    let config = FuseConfig::by(Reference::Own);
-    let reference = casings.map(|casings| reference(&config, &group.reference, casings, taps)).transpose()?;
-    Ok(Judging { config, reference, taps: taps.clone(), times: Times::default() })
 }
 
 fn point(

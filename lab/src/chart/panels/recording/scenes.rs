@@ -2,15 +2,13 @@
 
 use anyhow::{Context as _, Result};
 use rayon::prelude::*;
-use tapline_fuse::{FuseConfig, Reference};
+use tapline_fuse::FuseConfig;
 use tapline_plate::ScanShape;
 
 use super::readings::{Heard, PRE_TRIGGER_S};
 use crate::chart::Bench;
 use crate::chart::casings::{OFFSETS_MM, VELOCITY_M_PER_S};
-use crate::simulated::{
-    Judged, Judging, Reading, ScanTaps, Scene, Set, Simulator, Times, Tyre, judge, reference, simulate,
-};
+use crate::simulated::{Judged, Judging, Reading, ScanTaps, Scene, Set, Simulator, Tyre, judge, simulate};
 
 /// Cracked scenes; those of an entry share a population. A short chart has the first alone.
 pub(in crate::chart::panels) const ALL: [&[Scene]; 3] =
@@ -67,10 +65,8 @@ fn of_population(
     let known = in_every_way(bench, heard, simulator, sound, tyres, seed)?;
     let taps = ScanTaps::full(offsets_mm(bench), &[VELOCITY_M_PER_S], 1);
     let judging = |known: &Set| {
-        let config = FuseConfig::by(Reference::Own);
         // Records that give nothing make no reference, and find nothing.
-        let reference = reference(&config, known, casings.reference, &taps).ok()?;
-        Some(Judging { config, reference: Some(reference), taps: taps.clone(), times: Times::default() })
+        Judging::new(FuseConfig::default(), Some((known, casings.reference)), taps.clone()).ok()
     };
     let judgings: Vec<Option<Judging>> = known.par_iter().map(judging).collect();
     let of_scene = |&scene: &Scene| {
