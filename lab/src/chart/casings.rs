@@ -125,12 +125,21 @@ pub(crate) fn rate_percent(
     Ok(Error { value: 100.0 * rate.rate, low: 100.0 * rate.low, high: 100.0 * rate.high, by_seed })
 }
 
-/// Loss of detection, 1 - AUC: of the `areas` of all seeds, with an interval by whole tyres, and of those of each seed; and the number of
-/// locations.
-pub(crate) fn loss(bench: &Bench, areas: impl Fn(Option<u64>) -> Areas) -> Result<(Error, usize)> {
+/// A place that is ranked: its seed, its casing, a score, and whether there is a crack.
+pub(crate) type Place = (u64, String, f64, bool);
+
+/// The areas of those of `places` that are of `seed`, or of all.
+pub(crate) fn areas_of(places: &[Place], seed: Option<u64>) -> Areas {
+    let of_seed = places.iter().filter(|(of, ..)| seed.is_none_or(|seed| seed == *of));
+    Areas::of(of_seed.map(|(seed, tyre, score, is_cracked)| (format!("{seed}-{tyre}"), *score, *is_cracked)))
+}
+
+/// Loss of detection, 1 - AUC: of `places` of all seeds, with an interval by whole tyres, and of those of each seed; and the number of
+/// places.
+pub(crate) fn loss(bench: &Bench, places: &[Place]) -> Result<(Error, usize)> {
     let loss = |areas: &Areas| Ok(1.0 - areas.auc().context("locations of both kinds have a score")?);
-    let all = areas(None);
-    let by_seed = bench.seeds().map(|seed| loss(&areas(Some(seed)))).collect::<Result<_>>()?;
+    let all = areas_of(places, None);
+    let by_seed = bench.seeds().map(|seed| loss(&areas_of(places, Some(seed)))).collect::<Result<_>>()?;
     let interval = all.by_tyres(bench.seed).map(|(low, high)| (1.0 - high, 1.0 - low));
     let error = Error { value: loss(&all)?, ..Error::mean_of(by_seed) }.with_interval(interval);
     Ok((error, all.count(true) + all.count(false)))

@@ -34,7 +34,7 @@ impl<'a> Workload<'a> {
 
 /// Microseconds of processor time that each of `workloads` takes per thing, over alternating `rounds`. A round before
 /// them is not counted: it fills the caches and the plans.
-pub(crate) fn by_turns(workloads: &mut [Workload<'_>], rounds: usize) -> Vec<Cost> {
+pub(crate) fn by_turns(mut workloads: Vec<Workload<'_>>, rounds: usize) -> Vec<Cost> {
     let mut times = vec![Vec::with_capacity(rounds); workloads.len()];
     for round in 0..=rounds {
         for (workload, times) in workloads.iter_mut().zip(&mut times) {
@@ -58,12 +58,12 @@ mod tests {
     #[test]
     fn more_work_costs_more() {
         let spin = |count: u64| (0..count).fold(0.0, |sum: f64, k| black_box(sum + (k as f64).sqrt()));
-        let mut workloads = [
+        let workloads = vec![
             Workload::batch(1, || spin(20_000)),
             Workload::batch(1, || spin(200_000)),
             Workload::batch(10, || spin(200_000)),
         ];
-        let costs = by_turns(&mut workloads, 9);
+        let costs = by_turns(workloads, 9);
         assert!(costs[1].median > 2.0 * costs[0].median, "{costs:?}");
         assert!(costs[2].median < 0.5 * costs[1].median, "{costs:?}");
         assert!(costs.iter().all(|cost| cost.low <= cost.median && cost.median <= cost.high && cost.low > 0.0));

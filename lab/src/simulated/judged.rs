@@ -43,10 +43,10 @@ pub struct Judged {
 }
 
 impl Judged {
-    /// Its locations: its casing, named apart from those of other seeds, the index, and whether there is a crack.
-    pub(crate) fn places(&self, seed: u64) -> impl Iterator<Item = (String, f64, bool)> + '_ {
+    /// Its locations: the seed, the casing, the index, and whether there is a crack.
+    pub(crate) fn places(&self, seed: u64) -> impl Iterator<Item = (u64, String, f64, bool)> + '_ {
         let ShoulderResult { tyre, index, is_cracked, .. } = &self.result;
-        index.iter().zip(is_cracked).map(move |(&index, &is_cracked)| (format!("{seed}-{tyre}"), index, is_cracked))
+        index.iter().zip(is_cracked).map(move |(&index, &is_cracked)| (seed, tyre.clone(), index, is_cracked))
     }
 }
 

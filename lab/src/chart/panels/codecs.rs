@@ -110,8 +110,7 @@ fn facet(bench: &Bench, name: &str, title: &str, taps: &Taps, table: &mut Table)
             back.len() as f64
         }));
     }
-    let costs = by_turns(&mut workloads, bench.size.rounds.div_ceil(2));
-    drop(workloads);
+    let costs = by_turns(workloads, bench.size.rounds.div_ceil(2));
     let mut points = Vec::new();
     for (place, (codec, packed)) in Codec::ALL.into_iter().zip(&packed).enumerate() {
         let (pack_cost, unpack_cost) = (scaled(costs[place]), scaled(costs[place + Codec::ALL.len()]));

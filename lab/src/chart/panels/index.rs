@@ -7,13 +7,13 @@ use tapline_wire::{Discriminator, Discriminators, Plan, Verdict};
 
 use super::Entry;
 use crate::chart::Bench;
-use crate::chart::casings::{Group, Inspected, OFFSETS_MM, VELOCITY_M_PER_S, inspect, loss};
+use crate::chart::casings::{Group, Inspected, OFFSETS_MM, Place, VELOCITY_M_PER_S, areas_of, inspect, loss};
 use crate::chart::cost::{Workload, by_turns};
 use crate::chart::front::Tolerance;
 use crate::chart::panel::{Facet, Panel, Quantity};
 use crate::chart::point::{Cost, Error, Failure, LEVEL, Point, exceeds};
 use crate::chart::size::Size;
-use crate::evaluation::{Areas, FALSE_ALARMS, FoundAt};
+use crate::evaluation::{FALSE_ALARMS, FoundAt};
 use crate::simulated::{Dataset, Judged, Judging, ScanTaps, Scene, Simulator, judge};
 use crate::statistics::clopper_pearson;
 
@@ -125,7 +125,7 @@ fn costs(bench: &Bench, groups: &[Group], rules: &[Rule]) -> Result<Vec<Cost>> {
         let reference = judging.reference.context("rules need a reference")?;
         prepared.push((Fusion::with_reference(&judging.config, &plan, reference)?, plan, records));
     }
-    let mut workloads: Vec<Workload<'_>> = prepared
+    let workloads: Vec<Workload<'_>> = prepared
         .iter_mut()
         .map(|(fusion, plan, records)| {
             Workload::batch(1, move || {
@@ -140,17 +140,19 @@ fn costs(bench: &Bench, groups: &[Group], rules: &[Rule]) -> Result<Vec<Cost>> {
             })
         })
         .collect();
-    Ok(by_turns(&mut workloads, bench.size.rounds))
+    Ok(by_turns(workloads, bench.size.rounds))
 }
 
 /// The locations of `inspected`, each with its index.
-fn areas_of_locations<'a>(inspected: impl Iterator<Item = &'a Inspected>) -> Areas {
-    Areas::of(inspected.flat_map(|i| i.sound.iter().chain(&i.cracked).flat_map(move |judged| judged.places(i.seed))))
+fn locations_of(inspected: &[Inspected]) -> Vec<Place> {
+    let of = |i: &Inspected| -> Vec<Place> {
+        i.sound.iter().chain(&i.cracked).flat_map(|judged| judged.places(i.seed)).collect()
+    };
+    inspected.iter().flat_map(of).collect()
 }
 
 fn point(bench: &Bench, rule: Rule, cost: Cost, inspected: &[Inspected]) -> Result<Point> {
-    let of = |seed: Option<u64>| inspected.iter().filter(move |i| seed.is_none_or(|seed| seed == i.seed));
-    let (error, n) = loss(bench, |seed| areas_of_locations(of(seed)))?;
+    let (error, n) = loss(bench, &locations_of(inspected))?;
     Ok(Point::new(rule.name(), rule.label(), cost, error, n)
         .family(usize::from(matches!(rule, Rule::Alone(_))))
         .default_if(rule == Rule::Index(IndexKind::default())))
@@ -173,19 +175,13 @@ fn ring_points(bench: &Bench, rule: Rule, cost: Cost, inspected: &[Inspected]) -
         ("three", "largest index of three neighbours", &largest, 1),
     ];
     let point = |(label, words, score, family): RingRule<'_>| {
-        let areas = |seed: Option<u64>| {
-            let of_seed = inspected.iter().filter(move |i| seed.is_none_or(|seed| seed == i.seed));
-            Areas::of(of_seed.flat_map(|i| {
-                let of = move |judged: &Judged, is_cracked| {
-                    (format!("{}-{}", i.seed, judged.result.tyre), score(judged), is_cracked)
-                };
-                i.sound
-                    .iter()
-                    .map(move |j| of(j, false))
-                    .chain(i.cracked.iter().map(move |j| of(j, true)))
-                    .collect::<Vec<_>>()
-            }))
-        };
+        let mut shoulders: Vec<Place> = Vec::new();
+        for i in inspected {
+            let of = |judged: &Judged, is_cracked| (i.seed, judged.result.tyre.clone(), score(judged), is_cracked);
+            shoulders.extend(i.sound.iter().map(|judged| of(judged, false)));
+            shoulders.extend(i.cracked.iter().map(|judged| of(judged, true)));
+        }
+        let areas = |seed| areas_of(&shoulders, seed);
         let all = areas(None);
         let found = all.found_at(FALSE_ALARMS, bench.seed);
         let missed = |found: Option<FoundAt>| found.map_or(f64::NAN, |found| 100.0 * (1.0 - found.rate));
@@ -252,7 +248,7 @@ fn lost_to_outliers(size: &Size, group: &Group, rule: Rule, clean: &Judging) -> 
         for (scene, set) in group.judged.iter().filter(|(scene, _)| !scene.is_sound()) {
             inspected.cracked.extend(judge(judging, set, 0..set.tyres.len(), *scene)?);
         }
-        areas_of_locations(std::iter::once(&inspected)).auc().context("locations of both kinds have an index")
+        areas_of(&locations_of(&[inspected]), None).auc().context("locations of both kinds have an index")
     };
     Ok(area(clean)? - area(&spoiled)?)
 }

@@ -153,8 +153,7 @@ fn facet(bench: &Bench, slab: &Slab, taps: &Taps) -> Result<Facet> {
             judged(&config.fuse, &read(&mut extractor, taps)).map_or(f64::NAN, |areas| areas.auc().unwrap_or(f64::NAN))
         }));
     }
-    let costs = by_turns(&mut workloads, bench.size.rounds.div_ceil(3));
-    drop(workloads);
+    let costs = by_turns(workloads, bench.size.rounds.div_ceil(3));
     let points = WAYS.iter().zip(&configs).zip(costs).map(|((way, config), cost)| {
         let areas = judged(&config.fuse, &read(&mut ProcessExtractor::new(&config.process)?, taps))?;
         let loss = 1.0 - areas.auc().context("a slab has cracked and sound places")?;

@@ -173,7 +173,7 @@ fn costs(bench: &Bench, ways: &[Way]) -> Result<Vec<Cost>> {
         let mut extractor = ProcessExtractor::new(&config)?;
         workloads.push(Workload::each(&taps, move |tap| way.powers(&mut extractor, tap)[0]));
     }
-    Ok(by_turns(&mut workloads, bench.size.rounds))
+    Ok(by_turns(workloads, bench.size.rounds))
 }
 
 fn facet(bench: &Bench, name: &str, title: &str, ways: &[Way], costs: &[Cost], by_seed: Vec<Vec<f64>>) -> Facet {

@@ -108,10 +108,9 @@ fn ladder(bench: &Bench, places: Places, name: &str, title: &str) -> Result<Face
         }
     }
     let scenes = places.scenes(bench.seed, size.taps);
-    let mut workloads: Vec<Workload<'_>> =
+    let workloads: Vec<Workload<'_>> =
         Rung::ALL.map(|rung| Workload::each(&scenes, move |scene| quantities(rung, scene)[0])).into();
-    let costs = by_turns(&mut workloads, size.rounds);
-    drop(workloads);
+    let costs = by_turns(workloads, size.rounds);
     let points = Rung::ALL.into_iter().zip(costs).zip(by_seed).map(|((rung, cost), by_seed)| {
         let n = size.contacts * size.seed_count as usize;
         let name = format!("the {} rung", rung.name());
@@ -222,8 +221,8 @@ fn histories(bench: &Bench) -> Result<Facet> {
             let rigid = &rigid;
             Workload::each(&scenes, move |scene| rule.history(scene, rigid, &mut force_n))
         };
-        let mut workloads: Vec<Workload<'_>> = RULES.map(each).into();
-        by_turns(&mut workloads, size.rounds)
+        let workloads: Vec<Workload<'_>> = RULES.map(each).into();
+        by_turns(workloads, size.rounds)
     };
     let point = |((rule, cost), by_seed): ((Rule, Cost), Vec<f64>)| {
         let n = size.contacts * size.seed_count as usize;

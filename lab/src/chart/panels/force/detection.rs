@@ -7,18 +7,14 @@ use tapline_wire::Discriminator;
 
 use super::{Way, failures};
 use crate::chart::Bench;
-use crate::chart::casings::{VELOCITY_M_PER_S, loss};
+use crate::chart::casings::{Place, VELOCITY_M_PER_S, loss};
 use crate::chart::front::Tolerance;
 use crate::chart::panel::{Facet, Quantity};
 use crate::chart::point::{Cost, Point};
-use crate::evaluation::Areas;
 use crate::simulated::{Reading, ScanTaps, Scene, Simulator, alone_of, simulate};
 
 /// The casings: faint cracks in smooth ones.
 const SCENE: Scene = Scene::FaintSmooth;
-
-/// A location: its seed and casing, a score, and whether there is a crack.
-type Place = (u64, String, f64, bool);
 
 /// tau of every location, read in each of `ways`.
 fn found(bench: &Bench, simulator: Simulator, ways: &[Way]) -> Result<Vec<Vec<Place>>> {
@@ -50,11 +46,7 @@ fn found(bench: &Bench, simulator: Simulator, ways: &[Way]) -> Result<Vec<Vec<Pl
 pub(super) fn alone(bench: &Bench, simulator: Simulator, ways: &[Way], costs: &[Cost]) -> Result<Facet> {
     let found = found(bench, simulator, ways)?;
     let points = ways.iter().zip(costs).zip(&found).map(|((way, &cost), places)| {
-        let areas = |seed: Option<u64>| {
-            let of_seed = places.iter().filter(|(of, ..)| seed.is_none_or(|seed| seed == *of));
-            Areas::of(of_seed.map(|(seed, tyre, score, is_cracked)| (format!("{seed}-{tyre}"), *score, *is_cracked)))
-        };
-        let (error, n) = loss(bench, areas)?;
+        let (error, n) = loss(bench, places)?;
         Ok(Point::new(way.words(), way.name, cost, error, n)
             .default_if(way.is_default())
             .failing(failures(bench, way)?))

@@ -139,5 +139,5 @@ fn costs(bench: &Bench, ways: &[Way]) -> Result<Vec<Cost>> {
             extract_force(&mut extractor, samples, RATE_HZ).and_then(|values| values.get(which)).unwrap_or(f64::NAN)
         }));
     }
-    Ok(by_turns(&mut workloads, bench.size.rounds))
+    Ok(by_turns(workloads, bench.size.rounds))
 }

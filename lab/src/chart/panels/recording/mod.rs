@@ -10,11 +10,10 @@ use self::readings::{Heard, costs};
 use self::scenes::{Found, found};
 use super::Entry;
 use crate::chart::Bench;
-use crate::chart::casings::loss;
+use crate::chart::casings::{Place, loss};
 use crate::chart::front::Tolerance;
 use crate::chart::panel::{Facet, Panel, Quantity};
 use crate::chart::point::{Cost, Error, Failure, Point};
-use crate::evaluation::Areas;
 use crate::simulated::Simulator;
 
 /// What loss of detection, and what part of a cost, counts as a difference.
@@ -87,21 +86,20 @@ pub(super) fn point(
     found: &[Found],
     (simulator, place): (Simulator, usize),
 ) -> Result<Point> {
-    let of = |seed: Option<u64>| {
-        found.iter().filter(move |f| f.simulator == simulator && seed.is_none_or(|seed| seed == f.seed))
-    };
+    let of_simulator = || found.iter().filter(|found| found.simulator == simulator);
     let new = |error: Error, n: usize| {
         Point::new(heard.name.clone(), heard.label.clone(), cost, error, n)
             .family(heard.family)
             .default_if(heard.is_default)
     };
-    if of(None).any(|f| f.judged[place].is_none()) {
+    if of_simulator().any(|f| f.judged[place].is_none()) {
         // A scene without any index: half of its pairs are ranked correctly, by chance.
         let error = Error { value: 0.5, low: 0.5, high: 0.5, by_seed: bench.seeds().map(|_| 0.5).collect() };
         let failure = Failure { case: "scenes in which such records make no reference", measured: 1.0, limit: 0.0 };
         return Ok(new(error, 0).failing(vec![failure]));
     }
-    let (error, n) = loss(bench, |seed| Areas::of(of(seed).flat_map(|f| f.things(place))))?;
+    let places: Vec<Place> = of_simulator().flat_map(|found| found.places(place)).collect();
+    let (error, n) = loss(bench, &places)?;
     Ok(new(error, n).failing(heard.failures()))
 }
 

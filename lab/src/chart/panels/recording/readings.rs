@@ -152,7 +152,7 @@ pub(in crate::chart::panels) fn costs(bench: &Bench, heard: &[Heard]) -> Result<
             f64::from(found.values.get(tapline_wire::Discriminator::Pr).is_some())
         }));
     }
-    let cpu = by_turns(&mut workloads, bench.size.rounds);
+    let cpu = by_turns(workloads, bench.size.rounds);
     Ok(bytes.zip(cpu).map(|(bytes_kib, cpu_us)| HeardCost { bytes_kib, cpu_us }).collect())
 }
 

@@ -7,7 +7,7 @@ use tapline_plate::ScanShape;
 
 use super::readings::{Heard, PRE_TRIGGER_S};
 use crate::chart::Bench;
-use crate::chart::casings::{OFFSETS_MM, VELOCITY_M_PER_S};
+use crate::chart::casings::{OFFSETS_MM, Place, VELOCITY_M_PER_S};
 use crate::simulated::{Judged, Judging, Reading, ScanTaps, Scene, Set, Simulator, Tyre, judge, simulate};
 
 /// Cracked scenes; those of an entry share a population. A short chart has the first alone.
@@ -27,8 +27,8 @@ pub(in crate::chart::panels) struct Found {
 }
 
 impl Found {
-    /// The locations by way number `place`: tyre, index, and whether there is a crack.
-    pub(in crate::chart::panels) fn things(&self, place: usize) -> impl Iterator<Item = (String, f64, bool)> + '_ {
+    /// The locations by way number `place`.
+    pub(in crate::chart::panels) fn places(&self, place: usize) -> impl Iterator<Item = Place> + '_ {
         self.judged[place].iter().flatten().flat_map(move |judged| judged.places(self.seed))
     }
 }

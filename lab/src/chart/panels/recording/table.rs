@@ -5,6 +5,7 @@ use anyhow::{Context as _, Result};
 use super::readings::{Heard, LENGTHS_S, RATE_HZ, RECORD_S};
 use super::scenes::Found;
 use crate::chart::Bench;
+use crate::chart::casings::areas_of;
 use crate::chart::point::LEVEL;
 use crate::evaluation::{Areas, Cell, Table, cell, ends};
 use crate::simulated::Simulator;
@@ -27,7 +28,9 @@ pub(super) fn by_length(bench: &Bench, heard: &[Heard], found: &[Found]) -> Resu
         scenes.dedup();
         for scene in scenes {
             let of_scene = || found.iter().filter(move |f| f.simulator == simulator && f.scene == scene);
-            let areas = |place: usize| -> Vec<Areas> { of_scene().map(|f| Areas::of(f.things(place))).collect() };
+            let areas = |place: usize| -> Vec<Areas> {
+                of_scene().map(|f| areas_of(&f.places(place).collect::<Vec<_>>(), None)).collect()
+            };
             let by_length: Vec<Vec<Areas>> = (0..LENGTHS_S.len()).map(areas).collect();
             table.push(row(simulator.name(), scene.set_name(), &by_length)?);
         }
