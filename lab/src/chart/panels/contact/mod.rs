@@ -94,23 +94,33 @@ fn measure(bench: &Bench) -> Result<Panel> {
     ))
 }
 
-fn ladder(bench: &Bench, places: Places, name: &str, title: &str) -> Result<Facet> {
-    let size = &bench.size;
-    let mut by_seed = vec![Vec::new(); Rung::ALL.len()];
+/// For each of `models` its error in each seed: the quantile over `places`. `truth` is what a model should find in a scene.
+fn errors<M: Copy, const N: usize>(
+    bench: &Bench,
+    places: Places,
+    models: &[M],
+    truth: impl Fn(&Scene) -> Result<[f64; N]>,
+    found: impl Fn(M, &Scene) -> [f64; N],
+) -> Result<Vec<Vec<f64>>> {
+    let mut by_seed = vec![Vec::new(); models.len()];
     for seed in bench.seeds() {
-        let scenes = places.scenes(seed, size.contacts);
-        let truths: Vec<[f64; 4]> =
-            scenes.iter().map(|scene| Ok(Solved::new(&Impact::full(scene)?).quantities())).collect::<Result<_>>()?;
-        for (rung, by_seed) in Rung::ALL.into_iter().zip(&mut by_seed) {
-            let errors: Vec<f64> =
-                scenes.iter().zip(&truths).map(|(scene, truth)| error(quantities(rung, scene), *truth)).collect();
-            by_seed.push(quantile(&errors, SHARE).context("there are contacts")?);
+        let scenes = places.scenes(seed, bench.size.contacts);
+        let truths: Vec<[f64; N]> = scenes.iter().map(&truth).collect::<Result<_>>()?;
+        for (&model, by_seed) in models.iter().zip(&mut by_seed) {
+            let errors = scenes.iter().zip(&truths).map(|(scene, truth)| error(found(model, scene), *truth));
+            by_seed.push(quantile(&errors.collect::<Vec<_>>(), SHARE).context("there are contacts")?);
         }
     }
+    Ok(by_seed)
+}
+
+fn ladder(bench: &Bench, places: Places, name: &str, title: &str) -> Result<Facet> {
+    let size = &bench.size;
+    let truth = |scene: &Scene| Ok(Solved::new(&Impact::full(scene)?).quantities());
+    let by_seed = errors(bench, places, &Rung::ALL, truth, quantities)?;
     let scenes = places.scenes(bench.seed, size.taps);
-    let workloads: Vec<Workload<'_>> =
-        Rung::ALL.map(|rung| Workload::each(&scenes, move |scene| quantities(rung, scene)[0])).into();
-    let costs = by_turns(workloads, size.rounds);
+    let each = |rung: Rung| Workload::each(&scenes, move |scene| quantities(rung, scene)[0]);
+    let costs = by_turns(Rung::ALL.map(each).into(), size.rounds);
     let points = Rung::ALL.into_iter().zip(costs).zip(by_seed).map(|((rung, cost), by_seed)| {
         let n = size.contacts * size.seed_count as usize;
         let name = format!("the {} rung", rung.name());
@@ -194,36 +204,24 @@ impl Rule {
 fn histories(bench: &Bench) -> Result<Facet> {
     let size = &bench.size;
     let rigid = DampedContact::new(DampingLaw::Exact.chi(Scene::default().restitution)?)?;
-    let mut by_seed = vec![Vec::new(); RULES.len()];
-    let mut force_n = Vec::new();
-    for seed in bench.seeds() {
-        let scenes = Places::Any.scenes(seed, size.contacts);
-        let mut errors = vec![Vec::new(); RULES.len()];
-        for scene in &scenes {
-            let [f_max_n, ..] = Solved::new(&Impact::plate(scene)?).quantities();
-            let impulse = |force_n: &[f64], step_s: f64| force_n.iter().sum::<f64>() * step_s;
-            let step_s = Rule::Every.history(scene, &rigid, &mut force_n);
-            let truth = [f_max_n, impulse(&force_n, step_s)];
-            for (rule, errors) in RULES.into_iter().zip(&mut errors) {
-                let step_s = rule.history(scene, &rigid, &mut force_n);
-                let peak = force_n.iter().copied().max_by(f64::total_cmp).unwrap_or(f64::NAN);
-                errors.push(error([peak, impulse(&force_n, step_s)], truth));
-            }
-        }
-        for (errors, by_seed) in errors.iter().zip(&mut by_seed) {
-            by_seed.push(quantile(errors, SHARE).context("there are contacts")?);
-        }
-    }
-    let scenes = Places::Any.scenes(bench.seed, size.taps);
-    let costs = {
-        let each = |rule: Rule| {
-            let mut force_n = Vec::new();
-            let rigid = &rigid;
-            Workload::each(&scenes, move |scene| rule.history(scene, rigid, &mut force_n))
-        };
-        let workloads: Vec<Workload<'_>> = RULES.map(each).into();
-        by_turns(workloads, size.rounds)
+    // Peak and impulse.
+    let found = |rule: Rule, scene: &Scene| {
+        let mut force_n = Vec::new();
+        let step_s = rule.history(scene, &rigid, &mut force_n);
+        let peak_n = force_n.iter().copied().max_by(f64::total_cmp).unwrap_or(f64::NAN);
+        [peak_n, force_n.iter().sum::<f64>() * step_s]
     };
+    let truth = |scene: &Scene| {
+        let [f_max_n, ..] = Solved::new(&Impact::plate(scene)?).quantities();
+        Ok([f_max_n, found(Rule::Every, scene)[1]])
+    };
+    let by_seed = errors(bench, Places::Any, &RULES, truth, found)?;
+    let scenes = Places::Any.scenes(bench.seed, size.taps);
+    let each = |rule: Rule| {
+        let (mut force_n, rigid) = (Vec::new(), &rigid);
+        Workload::each(&scenes, move |scene| rule.history(scene, rigid, &mut force_n))
+    };
+    let costs = by_turns(RULES.map(each).into(), size.rounds);
     let point = |((rule, cost), by_seed): ((Rule, Cost), Vec<f64>)| {
         let n = size.contacts * size.seed_count as usize;
         Point::new(rule.name(), rule.label(), cost, Error::mean_of(by_seed), n)
