@@ -131,7 +131,7 @@ pub fn chart(args: &ChartArgs) -> Result<()> {
     }
     let mut panels = Vec::new();
     for entry in wanted {
-        begin(entry.name, (entry.expected_s)(&bench.size));
+        begin(entry.name, entry.expected_s(&bench.size));
         let panel = (entry.measure)(&bench).with_context(|| format!("cannot measure the panel {}", entry.name))?;
         let panel = Panel { name: entry.name, ..panel };
         // A panel whose recordings are missing has nothing to show; the notice stays.
@@ -151,7 +151,7 @@ impl Bench {
     fn new(args: &ChartArgs, wanted: &[&Entry]) -> Self {
         let size = if args.quick { Size::quick() } else { Size::full() };
         let casings_s = if wanted.iter().any(|entry| entry.uses_casings) { casings::expected_s(&size) } else { 0.0 };
-        let total_s = casings_s + wanted.iter().map(|entry| (entry.expected_s)(&size)).sum::<f64>();
+        let total_s = casings_s + wanted.iter().map(|entry| entry.expected_s(&size)).sum::<f64>();
         Self {
             size,
             seed: args.seed,

@@ -10,7 +10,6 @@ use tapline_acquire::{ScanConfig, SimulatedLine, Source};
 use tapline_codec::{Codec, pack, unpack};
 use tapline_model::SimulationConfig;
 
-use super::Entry;
 use crate::chart::Bench;
 use crate::chart::cost::{Workload, by_turns};
 use crate::chart::front::Tolerance;
@@ -18,9 +17,6 @@ use crate::chart::panel::{Facet, Panel, Quantity};
 use crate::chart::point::{Cost, Error, Point};
 use crate::evaluation::{Table, cell};
 use crate::in_memory::Record;
-
-pub(super) const ENTRY: Entry =
-    Entry { name: "codecs", expected_s: |size| if size.is_full { 25.0 } else { 3.0 }, uses_casings: false, measure };
 
 /// Bytes to which costs refer: those of a tap of 0.4 s.
 const UNIT_BYTES: f64 = 65_536.0;
@@ -41,7 +37,7 @@ struct Taps {
     all: Vec<Vec<u8>>,
 }
 
-fn measure(bench: &Bench) -> Result<Panel> {
+pub(super) fn measure(bench: &Bench) -> Result<Panel> {
     let scan = ScanConfig { seed: bench.seed, ..ScanConfig::default() };
     let mut line = SimulatedLine::new(&scan, &SimulationConfig::default())?;
     let mut table = Table::new(

@@ -5,7 +5,6 @@ use rayon::prelude::*;
 use tapline_fuse::{FuseConfig, Fusion, IndexKind};
 use tapline_wire::{Discriminator, Discriminators, Plan, Verdict};
 
-use super::Entry;
 use crate::chart::Bench;
 use crate::chart::casings::{Group, Inspected, OFFSETS_MM, Place, VELOCITY_M_PER_S, areas_of, inspect, loss};
 use crate::chart::cost::{Workload, by_turns};
@@ -16,9 +15,6 @@ use crate::chart::size::Size;
 use crate::evaluation::{FALSE_ALARMS, FoundAt};
 use crate::simulated::{Dataset, Judged, Judging, ScanTaps, Scene, Simulator, judge};
 use crate::statistics::clopper_pearson;
-
-pub(super) const ENTRY: Entry =
-    Entry { name: "index", expected_s: |size| if size.is_full { 130.0 } else { 8.0 }, uses_casings: true, measure };
 
 /// How each place gets one number.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -81,7 +77,7 @@ impl Rule {
     }
 }
 
-fn measure(bench: &Bench) -> Result<Panel> {
+pub(super) fn measure(bench: &Bench) -> Result<Panel> {
     let groups = bench.groups()?;
     let rules = rules(&bench.size);
     let costs = costs(bench, groups, &rules)?;

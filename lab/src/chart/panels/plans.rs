@@ -6,7 +6,6 @@ use anyhow::Result;
 use tapline_fuse::{FuseConfig, IndexKind};
 use tapline_wire::Verdict;
 
-use super::Entry;
 use crate::chart::Bench;
 use crate::chart::casings::{
     Group, Inspected, OFFSETS_MM, VELOCITIES_M_PER_S, VELOCITY_M_PER_S, called_percent, false_call_failure, inspect,
@@ -17,9 +16,6 @@ use crate::chart::panel::{Facet, Guide, Panel, Quantity};
 use crate::chart::point::{Cost, Point};
 use crate::evaluation::{Cell, Table, cell, ends};
 use crate::simulated::{Judging, ScanTaps, Simulator};
-
-pub(super) const ENTRY: Entry =
-    Entry { name: "plans", expected_s: |size| if size.is_full { 150.0 } else { 8.0 }, uses_casings: true, measure };
 
 /// Time of the competing method, as its vendors state it.
 const SHEAROGRAPHY_S: (f64, f64) = (45.0, 60.0);
@@ -111,7 +107,7 @@ fn tried(is_full: bool) -> Vec<Tried> {
     tried
 }
 
-fn measure(bench: &Bench) -> Result<Panel> {
+pub(super) fn measure(bench: &Bench) -> Result<Panel> {
     let groups = bench.groups()?;
     let (stated, casings) = (FuseConfig::default().re_inspect_rate, bench.size.casings.reference);
     let title = "Every plan by simulator: seconds a casing, cracked shoulders that pass, by kind of crack and casing, and sound shoulders that \

@@ -3,7 +3,6 @@
 use anyhow::Result;
 use tapline_fuse::FuseConfig;
 
-use super::Entry;
 use crate::chart::Bench;
 use crate::chart::casings::{
     Group, Inspected, OFFSETS_MM, VELOCITY_M_PER_S, called_percent, false_call_failure, inspect, missed_percent,
@@ -13,10 +12,7 @@ use crate::chart::panel::{Facet, Panel, Quantity};
 use crate::chart::point::{Cost, Error, Point};
 use crate::simulated::{Judging, ScanTaps, Simulator, Times};
 
-pub(super) const ENTRY: Entry =
-    Entry { name: "references", expected_s: |size| if size.is_full { 50.0 } else { 3.0 }, uses_casings: true, measure };
-
-fn measure(bench: &Bench) -> Result<Panel> {
+pub(super) fn measure(bench: &Bench) -> Result<Panel> {
     let groups = bench.groups()?;
     let taps = ScanTaps::full(&OFFSETS_MM, &[VELOCITY_M_PER_S], 1);
     let all: Vec<Option<usize>> =

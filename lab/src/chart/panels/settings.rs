@@ -4,18 +4,15 @@ use anyhow::Result;
 use tapline_process::{BandEdges, DurationEstimator, PeakEstimator, Precision, ProcessConfig, Subtraction};
 use tapline_wire::Discriminator;
 
+use super::force;
 use super::recording::readings::{Heard, costs};
 use super::recording::scenes::{self, found};
 use super::recording::{TOLERANCE, point};
-use super::{Entry, force};
 use crate::chart::Bench;
 use crate::chart::panel::{Facet, Panel, Quantity};
 use crate::chart::point::Failure;
 use crate::chart::stability;
 use crate::simulated::Simulator;
-
-pub(super) const ENTRY: Entry =
-    Entry { name: "settings", expected_s: |size| if size.is_full { 110.0 } else { 5.0 }, uses_casings: false, measure };
 
 const FAMILIES: [&str; 3] = ["tau", "F_max", "sound"];
 
@@ -58,7 +55,7 @@ fn failures(bench: &Bench, heard: &Heard) -> Result<Vec<Failure>> {
     }
 }
 
-fn measure(bench: &Bench) -> Result<Panel> {
+pub(super) fn measure(bench: &Bench) -> Result<Panel> {
     let settings = settings();
     let costs = costs(bench, &settings)?;
     let found = found(bench, &settings, &scenes::ALL)?;

@@ -7,7 +7,6 @@ use tapline_fuse::{FuseConfig, IndexKind};
 use tapline_process::{Precision, ProcessConfig, ProcessExtractor};
 use tapline_wire::Plan;
 
-use super::Entry;
 use crate::chart::Bench;
 use crate::chart::cost::{Workload, by_turns};
 use crate::chart::front::Tolerance;
@@ -16,9 +15,6 @@ use crate::chart::point::{Error, Point};
 use crate::evaluation::Areas;
 use crate::in_memory::Record;
 use crate::simulated::Dataset;
-
-pub(super) const ENTRY: Entry =
-    Entry { name: "slabs", expected_s: |size| if size.is_full { 10.0 } else { 3.0 }, uses_casings: false, measure };
 
 /// A recorded set with the configuration that ships for it.
 struct Slab {
@@ -106,7 +102,7 @@ struct Taps {
     all: Vec<Record>,
 }
 
-fn measure(bench: &Bench) -> Result<Panel> {
+pub(super) fn measure(bench: &Bench) -> Result<Panel> {
     let mut facets = Vec::new();
     for slab in &SLABS {
         if let Some(set) = bench.recorded("slabs", slab.folder)? {

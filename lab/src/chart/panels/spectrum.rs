@@ -9,7 +9,6 @@ use tapline_model::{Crack, SimulationConfig};
 use tapline_process::{Precision, ProcessConfig, ProcessExtractor, QualityConfig, Subtraction};
 use tapline_wire::{Channel, Discriminator};
 
-use super::Entry;
 use crate::chart::Bench;
 use crate::chart::cost::{Workload, by_turns};
 use crate::chart::front::Tolerance;
@@ -17,9 +16,6 @@ use crate::chart::panel::{Facet, Panel, Quantity};
 use crate::chart::point::{Cost, Error, Point};
 use crate::chart::stability;
 use crate::in_memory::Record;
-
-pub(super) const ENTRY: Entry =
-    Entry { name: "spectrum", expected_s: |size| if size.is_full { 15.0 } else { 2.0 }, uses_casings: false, measure };
 
 /// Samples of the longest records.
 const SAMPLES: u32 = 16_384;
@@ -84,7 +80,7 @@ impl Way {
     }
 }
 
-fn measure(bench: &Bench) -> Result<Panel> {
+pub(super) fn measure(bench: &Bench) -> Result<Panel> {
     let ways = ways();
     let mut by_seed = [vec![Vec::new(); ways.len()], vec![Vec::new(); ways.len()]];
     for seed in bench.seeds() {

@@ -4,26 +4,18 @@ use std::time::Duration;
 
 use anyhow::Result;
 
-use super::Entry;
 use crate::chart::Bench;
 use crate::chart::front::Tolerance;
 use crate::chart::panel::{Facet, Panel, Quantity};
 use crate::chart::point::{Cost, Error, Point};
 use crate::hop::{Run, Size, Way, run};
 
-pub(super) const ENTRY: Entry = Entry {
-    name: "transport",
-    expected_s: |size| if size.is_full { 110.0 } else { 8.0 },
-    uses_casings: false,
-    measure,
-};
-
 /// Sizes of a record. A tap of 0.4 s has 64 KiB, one of 0.05 s 8 KiB.
 const SIZES_KIB: [usize; 5] = [4, 16, 64, 256, 1024];
 
 const PACE_PER_S: u32 = 500;
 
-fn measure(bench: &Bench) -> Result<Panel> {
+pub(super) fn measure(bench: &Bench) -> Result<Panel> {
     let size = &bench.size;
     let mut fast: Vec<Vec<Run>> = Vec::new();
     let mut paced: Vec<Vec<Run>> = Vec::new();

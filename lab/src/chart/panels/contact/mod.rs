@@ -9,19 +9,11 @@ use tapline_draw::stats::quantile;
 use tapline_model::{DampedContact, DampingLaw, Impact, Rung, Scene};
 
 use self::small_steps::Solved;
-use super::Entry;
 use crate::chart::Bench;
 use crate::chart::cost::{Workload, by_turns};
 use crate::chart::front::Tolerance;
 use crate::chart::panel::{Facet, Panel, Quantity};
 use crate::chart::point::{Cost, Error, Failure, Point, exceeds};
-
-pub(super) const ENTRY: Entry = Entry {
-    name: "contact",
-    expected_s: |size| 0.02 * (size.seed_count as usize * size.contacts) as f64 + 2.0,
-    uses_casings: false,
-    measure,
-};
 
 /// The simulated rig's own tolerance: a layer that changes less is left out.
 const RIG_TOLERANCE: f64 = 1e-3;
@@ -73,7 +65,7 @@ fn error<const N: usize>(found: [f64; N], truth: [f64; N]) -> f64 {
     each.map(|error| if error.is_nan() { f64::INFINITY } else { error }).max_by(f64::total_cmp).unwrap_or(f64::NAN)
 }
 
-fn measure(bench: &Bench) -> Result<Panel> {
+pub(super) fn measure(bench: &Bench) -> Result<Panel> {
     let facets = vec![
         ladder(bench, Places::Shallow, "cracks", "Over cracks 2 to 12 mm deep")?,
         ladder(bench, Places::Any, "places", "At places as casings have them, most of them sound")?,

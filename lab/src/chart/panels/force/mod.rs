@@ -6,7 +6,6 @@ use anyhow::{Context as _, Result};
 use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_wire::Discriminator;
 
-use super::Entry;
 use crate::chart::Bench;
 use crate::chart::cost::{Workload, by_turns};
 use crate::chart::front::Tolerance;
@@ -16,9 +15,6 @@ use crate::estimators::{
     Cell, Effort, Estimator as Way, Row, estimators_of as ways, extract_force, measure_one, pulse_records,
 };
 use crate::simulated::Simulator;
-
-pub(super) const ENTRY: Entry =
-    Entry { name: "force", expected_s: |size| if size.is_full { 40.0 } else { 3.0 }, uses_casings: false, measure };
 
 /// Pulses whose errors are shown: those of the contact models that run in time, on sound rubber and over cracks.
 const PULSES: [&str; 3] = ["integral", "plate", "full"];
@@ -37,7 +33,7 @@ impl Way {
     }
 }
 
-fn measure(bench: &Bench) -> Result<Panel> {
+pub(super) fn measure(bench: &Bench) -> Result<Panel> {
     let (peaks, times) = (ways(Discriminator::FMax), ways(Discriminator::Tau));
     let of_times = costs(bench, &times)?;
     let mut facets = vec![

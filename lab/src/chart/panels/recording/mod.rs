@@ -8,7 +8,6 @@ use anyhow::Result;
 
 use self::readings::{Heard, costs};
 use self::scenes::{Found, found};
-use super::Entry;
 use crate::chart::Bench;
 use crate::chart::casings::{Place, loss};
 use crate::chart::front::Tolerance;
@@ -19,14 +18,7 @@ use crate::simulated::Simulator;
 /// What loss of detection, and what part of a cost, counts as a difference.
 pub(super) const TOLERANCE: Tolerance = Tolerance { cost: 0.15, error: 0.003 };
 
-pub(super) const ENTRY: Entry = Entry {
-    name: "recording",
-    expected_s: |size| if size.is_full { 280.0 } else { 10.0 },
-    uses_casings: false,
-    measure,
-};
-
-fn measure(bench: &Bench) -> Result<Panel> {
+pub(super) fn measure(bench: &Bench) -> Result<Panel> {
     let lengths = Heard::lengths();
     let of_lengths = costs(bench, &lengths)?;
     let found_lengths = found(bench, &lengths, &scenes::ALL)?;
