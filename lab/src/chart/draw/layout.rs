@@ -16,14 +16,14 @@ const TITLE_PX: f64 = 15.0;
 pub(super) const LINE_PX: f64 = 17.0;
 const EDGE: f64 = 10.0;
 
-/// Lines above the axes.
+/// What stands above the axes, from the top.
 #[derive(Debug)]
-pub(super) enum Block {
-    Title(Vec<String>),
+pub(super) struct Head {
+    title: Vec<String>,
     /// Rows of the key to marks.
-    Key(Vec<Vec<Item>>),
+    key: Vec<Vec<Item>>,
     /// Name of the ordinate.
-    Ordinate(String),
+    ordinate: String,
 }
 
 /// What a mark means.
@@ -41,8 +41,8 @@ enum Sign {
     Front,
 }
 
-/// The blocks above the axes of `facet`, within `width`.
-pub(super) fn layout(facet: &Facet, width: f64) -> Vec<Block> {
+/// What stands above the axes of `facet`, within `width`.
+pub(super) fn layout(facet: &Facet, width: f64) -> Head {
     let width = width - 2.0 * EDGE;
     let mut items = Vec::new();
     if facet.families.len() > 1 {
@@ -59,11 +59,11 @@ pub(super) fn layout(facet: &Facet, width: f64) -> Vec<Block> {
     if facet.points.iter().any(|point| !point.is_stable()) {
         items.push(Item { sign: Sign::Hollow, words: "hollow: fails a stability limit".to_owned() });
     }
-    vec![
-        Block::Title(wrapped(&facet.title, width, TITLE_PX)),
-        Block::Key(in_rows(items, width)),
-        Block::Ordinate(format!("\u{2191} {}", facet.error.words())),
-    ]
+    Head {
+        title: wrapped(&facet.title, width, TITLE_PX),
+        key: in_rows(items, width),
+        ordinate: format!("\u{2191} {}", facet.error.words()),
+    }
 }
 
 impl Item {
@@ -86,36 +86,26 @@ impl Item {
     }
 }
 
-impl Block {
-    pub(super) fn height(&self) -> f64 {
-        match self {
-            Self::Title(lines) => 20.0 * lines.len() as f64 + 4.0,
-            Self::Key(rows) => LINE_PX * rows.len() as f64 + 4.0,
-            Self::Ordinate(_) => LINE_PX + 2.0,
+impl Head {
+    /// Draws it from `top` on; returns where it ends.
+    pub(super) fn draw(&self, area: &Area<'_>, (left, top): Place) -> Result<f64> {
+        let (left, mut y) = (left + EDGE, top);
+        for text in &self.title {
+            write(area, text, (left, y + 10.0), TITLE_PX, INK, HPos::Left, true)?;
+            y += 20.0;
         }
-    }
-
-    pub(super) fn draw(&self, area: &Area<'_>, (left, top): Place) -> Result<()> {
-        let left = left + EDGE;
-        match self {
-            Self::Title(lines) => {
-                for (number, text) in lines.iter().enumerate() {
-                    let y = top + 10.0 + 20.0 * number as f64;
-                    write(area, text, (left, y), TITLE_PX, INK, HPos::Left, true)?;
-                }
+        y += 4.0;
+        for row in &self.key {
+            let mut x = left;
+            for item in row {
+                item.draw(area, (x, y + 8.0))?;
+                x += item.width();
             }
-            Self::Key(rows) => {
-                for (number, row) in rows.iter().enumerate() {
-                    let mut x = left;
-                    for item in row {
-                        item.draw(area, (x, top + 8.0 + LINE_PX * number as f64))?;
-                        x += item.width();
-                    }
-                }
-            }
-            Self::Ordinate(words) => write(area, words, (left, top + 9.0), TEXT_PX, PALE_INK, HPos::Left, false)?,
+            y += LINE_PX;
         }
-        Ok(())
+        y += 4.0;
+        write(area, &self.ordinate, (left, y + 9.0), TEXT_PX, PALE_INK, HPos::Left, false)?;
+        Ok(y + LINE_PX + 2.0)
     }
 }
 

@@ -109,12 +109,7 @@ impl<'a> Drawing<'a> {
 
     fn draw(&self, area: &Area<'_>) -> Result<()> {
         let (left, top) = self.corner;
-        let blocks = layout(self.facet, self.size.0);
-        let mut y = top + 8.0;
-        for block in &blocks {
-            block.draw(area, (left, y))?;
-            y += block.height();
-        }
+        let y = layout(self.facet, self.size.0).draw(area, (left, top + 8.0))?;
         let frame = Frame {
             left: left + LEFT,
             right: left + self.size.0 - RIGHT,
