@@ -25,7 +25,9 @@ fn page(sheets: &[Sheet]) -> Result<String> {
          with each other, not with those of another: the machine is shared.\n\n",
     );
     // Seed and effort are only of charts: those of a bench are in its notes.
-    let Provenance { cpu, vectors, system, commit, date, .. } = Provenance::here(0, false);
+    let from = Provenance::here(0, false);
+    let [cpu, vectors, system, commit, date] =
+        ["cpu", "vectors", "system", "commit", "date"].map(|column| from.get(column));
     let compiler = output("rustc", &["--version"]).unwrap_or_else(|| "unknown compiler".to_owned());
     writeln!(page, "Measured on {date} after commit {commit}, on {cpu} ({vectors}), {system}; {compiler}.\n")?;
     page.push_str("| what | value | | compared with | aim |\n|---|--:|---|---|---|\n");

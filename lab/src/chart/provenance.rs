@@ -2,27 +2,20 @@
 
 use std::process::Command;
 
-/// The machine and the program.
+/// The machine and the program, and when and how it measured.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Provenance {
-    /// Model and number of the processors.
-    pub cpu: String,
-    /// Vector instructions that decide on kernels.
-    pub vectors: String,
-    /// Kernel of the system.
-    pub system: String,
-    /// Profile, target and instructions that the compiler could use.
-    pub build: String,
-    /// Commit, followed by `+` if files have changed since.
-    pub commit: String,
-    /// Version of the program.
-    pub version: &'static str,
-    /// When it was measured, UTC.
-    pub date: String,
-    /// First seed.
-    pub seed: u64,
-    /// Whether only a little was measured.
-    pub is_quick: bool,
+    pub(crate) facts: Vec<Fact>,
+}
+
+/// What is known of an origin.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Fact {
+    /// Its column in the table of points; empty if that does not have it.
+    pub column: &'static str,
+    /// Its name for people.
+    pub name: &'static str,
+    pub value: String,
 }
 
 impl Provenance {
@@ -41,35 +34,27 @@ impl Provenance {
                 "the baseline of the architecture"
             },
         );
-        Self {
-            cpu: cpu(),
-            vectors: vectors(),
-            system: output("uname", &["-sr"]).unwrap_or_else(|| "unknown".to_owned()),
-            build,
-            commit: commit(),
-            version: env!("CARGO_PKG_VERSION"),
-            date: output("date", &["-u", "+%Y-%m-%d"]).unwrap_or_else(|| "unknown".to_owned()),
-            seed,
-            is_quick,
-        }
+        let unknown = || "unknown".to_owned();
+        let facts = [
+            ("cpu", "processors", cpu()),
+            // Those that decide on kernels.
+            ("vectors", "vector instructions", vectors()),
+            ("system", "system", output("uname", &["-sr"]).unwrap_or_else(unknown)),
+            ("build", "build", build),
+            // Followed by `+` if files have changed since.
+            ("commit", "commit", commit()),
+            ("version", "version", env!("CARGO_PKG_VERSION").to_owned()),
+            // UTC.
+            ("date", "date", output("date", &["-u", "+%Y-%m-%d"]).unwrap_or_else(unknown)),
+            ("", "first seed", seed.to_string()),
+            ("", "effort", if is_quick { "quick: a little of everything" } else { "full" }.to_owned()),
+        ];
+        Self { facts: facts.map(|(column, name, value)| Fact { column, name, value }).into() }
     }
-}
 
-impl Provenance {
-    /// Each of them with a name for people.
-    pub(crate) fn rows(&self) -> Vec<(&'static str, String)> {
-        let effort = if self.is_quick { "quick: a little of everything" } else { "full" };
-        vec![
-            ("processors", self.cpu.clone()),
-            ("vector instructions", self.vectors.clone()),
-            ("system", self.system.clone()),
-            ("build", self.build.clone()),
-            ("commit", self.commit.clone()),
-            ("version", self.version.to_owned()),
-            ("date", self.date.clone()),
-            ("first seed", self.seed.to_string()),
-            ("effort", effort.to_owned()),
-        ]
+    /// What the table of points has in `column`: cpu, vectors, system, build, commit, version or date.
+    pub fn get(&self, column: &str) -> &str {
+        self.facts.iter().find(|fact| fact.column == column).map_or("unknown", |fact| &fact.value)
     }
 }
 

@@ -27,7 +27,7 @@ fn row(panel: &Panel, facet: &Facet, point: &Point, on_front: bool, from: &Prove
     let by_seed: Vec<String> = point.error.by_seed.iter().map(|&error| digits(error)).collect();
     let fails: Vec<String> =
         point.failures.iter().map(|f| format!("{} ({} of {})", f.case, digits(f.measured), digits(f.limit))).collect();
-    vec![
+    let mut row = vec![
         ("panel", panel.name.to_owned()),
         ("facet", facet.name.clone()),
         ("point", point.name.clone()),
@@ -54,14 +54,10 @@ fn row(panel: &Panel, facet: &Facet, point: &Point, on_front: bool, from: &Prove
         ("seeds", facet.seeds_in_words()),
         ("truth", facet.truth.clone()),
         ("remark", point.remark.clone()),
-        ("cpu", from.cpu.clone()),
-        ("vectors", from.vectors.clone()),
-        ("system", from.system.clone()),
-        ("build", from.build.clone()),
-        ("commit", from.commit.clone()),
-        ("version", from.version.to_owned()),
-        ("date", from.date.clone()),
-    ]
+    ];
+    let facts = from.facts.iter().filter(|fact| !fact.column.is_empty());
+    row.extend(facts.map(|fact| (fact.column, fact.value.clone())));
+    row
 }
 
 /// A number to six digits; an absent number or interval end is an empty cell.

@@ -154,7 +154,7 @@ fn origin(skipped: &[Skipped], from: &Provenance) -> Markup {
         section {
             h2 { "Where the numbers are from" }
             div.scroll { table.plain { tbody {
-                @for (name, value) in from.rows() { tr { th { (name) } td { (value) } } }
+                @for fact in &from.facts { tr { th { (fact.name) } td { (fact.value) } } }
             } } }
             @for skipped in skipped { p { b { "Left out: " } (skipped.panel) ": " (skipped.why) } }
             p { "All points, with the same of each: " a href="points.csv" { "points.csv" } "." }
@@ -189,8 +189,8 @@ pub(crate) fn markdown(panels: &[Panel], skipped: &[Skipped], provenance: &Prove
         page.push_str(&format!("| {} | {} | {} | {words} |\n", row.panel, row.facet, row.default));
     }
     page.push_str("\n## Where the numbers are from\n\n| | |\n|---|---|\n");
-    for (name, value) in provenance.rows() {
-        page.push_str(&format!("| {name} | {value} |\n"));
+    for fact in &provenance.facts {
+        page.push_str(&format!("| {} | {} |\n", fact.name, fact.value));
     }
     for skipped in skipped {
         page.push_str(&format!("\n**Left out:** {}: {}\n", skipped.panel, skipped.why));
