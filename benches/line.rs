@@ -12,7 +12,7 @@ use tapline_acquire::{ScanConfig, SimulatedLine, Source as _};
 use tapline_bench::{Row, Sheet, Spread, cpu_s, tapline};
 use tapline_fuse::{FuseConfig, Fusion, Reference};
 use tapline_lab::in_memory::Record;
-use tapline_lab::line_cost::{LineCost, run_command};
+use tapline_lab::line_cost::{LineCost, Pace, ProcessCost, run_command};
 use tapline_model::SimulationConfig;
 use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_store::Writer;
@@ -90,24 +90,15 @@ fn keep(lines: &[Vec<Pace>; 3], halves: &[Pace], replayed: &[Pace], alone: &[f64
         ("store", &lines[1], "`store`"),
         ("line", &lines[1], "`line`"),
     ] {
-        let of_name = |pace: &Pace, part: usize| {
-            let all = pace.cpu_us.iter().filter(|(of, _)| of.split(' ').next() == Some(name));
-            all.map(|(_, parts)| parts[part]).sum::<f64>()
-        };
-        let all = of(paces, &|pace| of_name(pace, 0) + of_name(pace, 1));
-        let kernel = of(paces, &|pace| of_name(pace, 1));
+        let is_it = |process: &ProcessCost| process.name.split(' ').next() == Some(name);
+        let all = of(paces, &|pace| us_per_tap(pace, is_it, |of| of.user_s + of.kernel_s));
+        let kernel = of(paces, &|pace| us_per_tap(pace, is_it, |of| of.kernel_s));
         let share = Spread::of_ratio(&kernel, &all);
         rows.push(
             Row::new(format!("processor time of {what}"), "us per tap", &all).beside("of it in the kernel", share, ""),
         );
     }
-    let beside_source = of(&lines[1], &|pace| {
-        pace.cpu_us
-            .iter()
-            .filter(|(name, _)| !name.starts_with("acquire"))
-            .map(|(_, [user, kernel])| user + kernel)
-            .sum()
-    });
+    let beside_source = of(&lines[1], &|pace| us_per_tap(pace, |of| !of.is_source(), |of| of.user_s + of.kernel_s));
     rows.push(Row::new("processor time without the source", "us per tap", &beside_source).beside(
         "of the same work by one process",
         Spread::of_ratio(&beside_source, alone),
@@ -130,6 +121,11 @@ fn keep(lines: &[Vec<Pace>; 3], halves: &[Pace], replayed: &[Pace], alone: &[f64
         rows,
     };
     sheet.keep("line")
+}
+
+/// Processor time of the processes of a line that `is_it` selects, us per tap.
+fn us_per_tap(pace: &Pace, is_it: impl Fn(&ProcessCost) -> bool, time_s: fn(&ProcessCost) -> f64) -> f64 {
+    pace.processes.iter().filter(|of| is_it(of)).map(time_s).sum::<f64>() * 1e6 / pace.taps
 }
 
 /// Processor time of a tap, us, when one process does all the work of the line.
@@ -166,15 +162,6 @@ fn one_process(folder: &Path) -> Result<f64> {
     let us = (cpu_s(std::process::id())? - before_s) * 1e6 / count as f64;
     std::fs::remove_file(&path)?;
     Ok(us)
-}
-
-/// The result of one line.
-#[derive(Debug)]
-struct Pace {
-    taps_per_s: f64,
-    latency_p99_us: f64,
-    /// Of each process: its name, and its processor time in user mode and in the kernel, us per tap.
-    cpu_us: Vec<(String, [f64; 2])>,
 }
 
 /// The taps of two stations as a tap set, in memory if there is a folder for it.
@@ -224,11 +211,5 @@ fn run_line(folder: &Path, stations: u16, taps_per_s: Option<f64>, recorded: Opt
     let cost = LineCost::printed(&String::from_utf8(output.stdout)?)?;
     let taps = SimulatedLine::new(&scan(stations), &SimulationConfig::default())?.plan().taps().len();
     ensure!(cost.is_complete && cost.archived == taps, "not all of {taps} taps: {cost:?}");
-    let us = |s: f64| s * 1e6 / taps as f64;
-    let pace = cost.pace;
-    Ok(Pace {
-        taps_per_s: pace.taps_per_s,
-        latency_p99_us: pace.latency_p99_us,
-        cpu_us: pace.processes.into_iter().map(|of| (of.name, [us(of.user_s), us(of.kernel_s)])).collect(),
-    })
+    Ok(cost.pace)
 }
