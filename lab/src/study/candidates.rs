@@ -15,13 +15,14 @@ use crate::evaluation::{Areas, Call, Table, cell, ends};
 use crate::shoulder_result::{ShoulderResult, overlap};
 use crate::simulated::{Dataset, Reading};
 
+/// Part of the name of each tyre that is the reference.
+const REFERENCE: &str = "reference";
+
 /// One set: sound tyres that are the reference, and others that are judged.
 #[derive(Debug)]
 pub(super) struct Split {
     pub(super) name: &'static str,
-    pub(super) dataset: Dataset,
-    reference: Vec<String>,
-    judged: Vec<String>,
+    dataset: Dataset,
 }
 
 /// One way of judging.
@@ -52,28 +53,24 @@ impl Split {
     /// The same for each of `readings`.
     pub(super) fn scan_read(set: &Set, number: u64, size: &Size, seed: u64, readings: &[Reading]) -> Result<Vec<Self>> {
         let (half, quarter) = (size.tyres / 2, size.tyres / 4);
-        let names = |part: &str, count: usize| -> Vec<String> {
-            (0..count).map(|k| format!("{}-{part}-{k:03}", set.name)).collect()
-        };
-        let (reference, with_cracks) = (names("reference", half), names("cracked", quarter));
-        let without = names("sound", half - quarter);
-        let judged = [without.clone(), with_cracks.clone()].concat();
-        let with_cracks = with_cracks.into_iter().zip(1000 * number..);
-        let with_cracks = with_cracks.map(|(s, k)| cracked(s, &set.cracks, size.location_count, seed, k));
-        let tyres = reference.iter().cloned().chain(without).map(sound).chain(with_cracks).collect();
-        let numbers = (seed, size.location_count);
-        let datasets = size.turns.scan_read(&set.simulation, tyres, numbers, readings)?;
-        let split = |dataset| Self { name: set.name, dataset, reference: reference.clone(), judged: judged.clone() };
-        Ok(datasets.into_iter().map(split).collect())
+        let serial = |part: &str, k: usize| format!("{}-{part}-{k:03}", set.name);
+        let references = (0..half).map(|k| sound(serial(REFERENCE, k)));
+        let without = (0..half - quarter).map(|k| sound(serial("sound", k)));
+        let with_cracks = (0..quarter).zip(1000 * number..);
+        let with_cracks =
+            with_cracks.map(|(k, drawn)| cracked(serial("cracked", k), &set.cracks, size.location_count, seed, drawn));
+        let tyres = references.chain(without).chain(with_cracks).collect();
+        let datasets = size.turns.scan_read(&set.simulation, tyres, (seed, size.location_count), readings)?;
+        Ok(datasets.into_iter().map(|dataset| Self { name: set.name, dataset }).collect())
     }
 
     pub(super) fn judged(&self) -> Result<Dataset> {
-        self.dataset.of_tyres(|tyre| self.judged.iter().any(|t| t == tyre))
+        self.dataset.of_tyres(|tyre| !tyre.contains(REFERENCE))
     }
 
     /// The tyres of the reference.
     pub(super) fn healthy(&self) -> Result<Arc<ReferenceSet>> {
-        self.dataset.reference(&FuseConfig::default(), |tyre| self.reference.iter().any(|t| t == tyre))
+        self.dataset.reference(&FuseConfig::default(), |tyre| tyre.contains(REFERENCE))
     }
 }
 
