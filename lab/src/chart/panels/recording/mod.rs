@@ -6,7 +6,7 @@ mod table;
 
 use anyhow::Result;
 
-use self::readings::{Heard, costs};
+use self::readings::{Heard, HeardCost, costs};
 use self::scenes::{Found, found};
 use crate::chart::Bench;
 use crate::chart::casings::{Place, loss};
@@ -25,19 +25,28 @@ pub(super) fn measure(bench: &Bench) -> Result<Panel> {
     let converters = Heard::converters(&bench.size);
     let of_converters = costs(bench, &converters)?;
     let found_converters = found(bench, &converters, &scenes::FAINT)?;
+    let bytes = Quantity::log("Archived a tap, packed with lz4", "KiB");
+    let time = Quantity::log("Processor time of a tap, all discriminators", "\u{b5}s");
+    let by_bytes: fn(&HeardCost) -> Cost = |cost| cost.bytes_kib;
+    let of_lengths = (&lengths, &of_lengths, &found_lengths, &readings::LENGTH_FAMILIES[..]);
+    let of_converters = (&converters, &of_converters, &found_converters, &readings::CONVERTER_FAMILIES[..]);
     let mut facets = Vec::new();
     for simulator in Simulator::ALL {
-        for what in [What::Bytes, What::Time, What::Converter] {
-            let (heard, costs, found) = match what {
-                What::Converter => (&converters, &of_converters, &found_converters),
-                What::Bytes | What::Time => (&lengths, &of_lengths, &found_lengths),
-            };
-            let point = |(place, heard): (usize, &Heard)| {
-                let cost = if what == What::Time { costs[place].cpu_us } else { costs[place].bytes_kib };
-                point(bench, heard, cost, found, (simulator, place))
-            };
-            let points = heard.iter().enumerate().map(point).collect::<Result<_>>()?;
-            facets.push(facet(bench, simulator, what, points));
+        for (name, title, cost, value, (heard, costs, found, families)) in [
+            ("bytes", "Length by bytes", bytes, by_bytes, of_lengths),
+            ("time", "Length by processor time", time, |cost| cost.cpu_us, of_lengths),
+            ("converter", "Sample rate and bits", bytes, by_bytes, of_converters),
+        ] {
+            let point = |(place, heard)| point(bench, heard, value(&costs[place]), found, (simulator, place));
+            facets.push(Facet {
+                cost,
+                error: Quantity::log("Loss of detection, 1 \u{2212} AUC", ""),
+                tolerance: TOLERANCE,
+                families: families.to_vec(),
+                points: heard.iter().enumerate().map(point).collect::<Result<_>>()?,
+                ..bench
+                    .facet(format!("{}-{name}", simulator.name()), format!("{title}, simulator {}", simulator.name()))
+            });
         }
     }
     let tables = vec![table::by_length(bench, &lengths, &found_lengths)?];
@@ -57,17 +66,6 @@ pub(super) fn measure(bench: &Bench) -> Result<Panel> {
         facets,
     );
     Ok(Panel { tables, ..panel })
-}
-
-/// What a facet is about.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum What {
-    /// Lengths of the record, by bytes.
-    Bytes,
-    /// Lengths of the record, by processor time.
-    Time,
-    /// Rates and bits, by bytes.
-    Converter,
 }
 
 /// The point of `heard`, which is the way number `place`, on casings of `simulator`.
@@ -93,27 +91,4 @@ pub(super) fn point(
     let places: Vec<Place> = of_simulator().flat_map(|found| found.places(place)).collect();
     let (error, n) = loss(bench, &places)?;
     Ok(new(error, n).failing(heard.failures()))
-}
-
-fn facet(bench: &Bench, simulator: Simulator, what: What, points: Vec<Point>) -> Facet {
-    let (name, title) = match what {
-        What::Bytes => ("bytes", "Length by bytes"),
-        What::Time => ("time", "Length by processor time"),
-        What::Converter => ("converter", "Sample rate and bits"),
-    };
-    let families = match what {
-        What::Converter => readings::CONVERTER_FAMILIES.to_vec(),
-        What::Bytes | What::Time => readings::LENGTH_FAMILIES.to_vec(),
-    };
-    Facet {
-        cost: match what {
-            What::Time => Quantity::log("Processor time of a tap, all discriminators", "\u{b5}s"),
-            What::Bytes | What::Converter => Quantity::log("Archived a tap, packed with lz4", "KiB"),
-        },
-        error: Quantity::log("Loss of detection, 1 \u{2212} AUC", ""),
-        tolerance: TOLERANCE,
-        families,
-        points,
-        ..bench.facet(format!("{}-{name}", simulator.name()), format!("{title}, simulator {}", simulator.name()))
-    }
 }
