@@ -20,13 +20,7 @@ const PULSES: [&str; 4] = ["half-sine", "integral", "plate", "full"];
 const SNR_DB: [Option<u32>; 5] = [None, Some(60), Some(40), Some(30), Some(20)];
 
 pub(super) fn cells() -> Vec<Cell> {
-    let cell = |table: &str, signal: &str, rate_hz, snr_db, fault: &str| Cell {
-        table: table.to_owned(),
-        signal: signal.to_owned(),
-        rate_hz,
-        snr_db,
-        fault: fault.to_owned(),
-    };
+    let cell = |table, signal, rate_hz, snr_db, fault| Cell { table, signal, rate_hz, snr_db, fault };
     let mut cells = Vec::new();
     for signal in PULSES {
         for rate_hz in RATES_HZ {
@@ -126,11 +120,11 @@ pub(crate) fn estimators_of(which: Discriminator) -> Vec<Estimator> {
 
 fn estimators(cell: &Cell) -> Result<Vec<Estimator>> {
     let plain = plain();
-    Ok(match cell.table.as_str() {
+    Ok(match cell.table {
         "force" => [Discriminator::FMax, Discriminator::Tau].map(estimators_of).concat(),
         "clip" => vec![Estimator { name: "parabola", config: plain, quantities: BOTH }],
         _ => {
-            let Some(droop_time_constant_s) = amount(&cell.fault, "time constant ")? else {
+            let Some(droop_time_constant_s) = amount(cell.fault, "time constant ")? else {
                 bail!("{} is not a droop", cell.fault)
             };
             let corrected = ProcessConfig { droop_time_constant_s, ..plain };
@@ -144,7 +138,7 @@ fn estimators(cell: &Cell) -> Result<Vec<Estimator>> {
 
 /// The records of `cell`, in N.
 pub(crate) fn pulse_records(cell: &Cell, effort: Effort) -> Result<Vec<Vec<f32>>> {
-    records(&Pulse::named(&cell.signal)?, cell, effort)
+    records(&Pulse::named(cell.signal)?, cell, effort)
 }
 
 fn records(pulse: &Pulse, cell: &Cell, effort: Effort) -> Result<Vec<Vec<f32>>> {
@@ -164,7 +158,7 @@ pub(crate) fn extract_force(extractor: &mut ProcessExtractor, samples: &[f32], r
 }
 
 pub(super) fn measure(cell: &Cell, effort: Effort) -> Result<Vec<Row>> {
-    let pulse = Pulse::named(&cell.signal)?;
+    let pulse = Pulse::named(cell.signal)?;
     let taps = records(&pulse, cell, effort)?;
     rows(cell, Channel::Force, PRE_TRIGGER, &estimators(cell)?, &taps, |_, which| {
         Some(if which == Discriminator::FMax { pulse.f_max_n() } else { pulse.contact_time_s })
@@ -179,7 +173,7 @@ fn record(pulse: &Pulse, cell: &Cell, phase: f64) -> Result<Vec<f32>> {
     let rate_hz = f64::from(cell.rate_hz);
     let count = PRE_TRIGGER + cell.rate_hz / 80;
     let force_n = |at: f64| pulse.force_n((at - f64::from(PRE_TRIGGER) + phase) / rate_hz);
-    let Some(time_constant_s) = amount(&cell.fault, "time constant ")? else {
+    let Some(time_constant_s) = amount(cell.fault, "time constant ")? else {
         return Ok((0..count).map(|i| force_n(f64::from(i)) as f32).collect());
     };
     // y' = x' - y/TC, y held within a step: z = x - y follows z' = y/TC.
@@ -197,7 +191,7 @@ fn record(pulse: &Pulse, cell: &Cell, phase: f64) -> Result<Vec<f32>> {
 
 #[expect(clippy::cast_possible_truncation, reason = "samples are in single precision")]
 fn clip(samples: &mut [f32], pulse: &Pulse, cell: &Cell) -> Result<()> {
-    if let Some(percent) = amount(&cell.fault, "clipped ")? {
+    if let Some(percent) = amount(cell.fault, "clipped ")? {
         let limit = (pulse.f_max_n() * percent / 100.0) as f32;
         samples.iter_mut().filter(|x| **x > limit).for_each(|x| *x = limit);
     }

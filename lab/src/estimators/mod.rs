@@ -26,17 +26,17 @@ use crate::written::WrittenArgs;
 const RATES_HZ: [u32; 2] = [40_960, 10_240];
 
 /// A cell of the tables: taps that differ only in noise and trigger.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Cell {
     /// Which table it belongs to.
-    pub table: String,
+    pub table: &'static str,
     /// The pulse or the sound.
-    pub signal: String,
+    pub signal: &'static str,
     pub rate_hz: u32,
     /// Peak over the standard deviation of white noise, dB; empty without noise.
     pub snr_db: Option<u32>,
     /// What else is wrong with the record.
-    pub fault: String,
+    pub fault: &'static str,
 }
 
 /// The defaults, with every value kept: what is studied is the estimator, not the flag that would hide it.
@@ -47,10 +47,10 @@ fn plain() -> ProcessConfig {
 impl Cell {
     /// Random numbers of this cell only, so that it can be measured again without the others; different for each seed.
     fn generator(&self, seed: u64) -> ChaCha8Rng {
-        let Self { table, signal, rate_hz, snr_db, fault } = self;
+        let Self { table, signal, rate_hz, snr_db, fault } = *self;
         let snr_db = snr_db.map(|db| db.to_string()).unwrap_or_default();
         let rate_hz = rate_hz.to_string();
-        let parts = [table, signal, &rate_hz, &snr_db, fault].map(String::as_bytes);
+        let parts = [table, signal, &rate_hz, &snr_db, fault].map(str::as_bytes);
         let mut generator = ChaCha8Rng::seed_from_u64(digest_of_parts(parts));
         generator.set_stream(seed);
         generator
@@ -150,13 +150,12 @@ impl Errors {
         let mean = self.percent.iter().sum::<f64>() / count;
         let variance = self.percent.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count;
         let rounded = |x: f64| (x * 1e3).round() / 1e3 + 0.0; // + 0.0: no minus before a zero
-        let Cell { table, signal, rate_hz, snr_db, fault } = cell.clone();
         Row {
-            table,
-            signal,
-            rate_hz,
-            snr_db,
-            fault,
+            table: cell.table.to_owned(),
+            signal: cell.signal.to_owned(),
+            rate_hz: cell.rate_hz,
+            snr_db: cell.snr_db,
+            fault: cell.fault.to_owned(),
             estimator: estimator.to_owned(),
             quantity: quantity.column().to_owned(),
             bias_percent: rounded(mean),

@@ -33,13 +33,7 @@ pub(super) fn cells() -> Vec<Cell> {
                 (Some(60), "hum 10 %"),
                 (Some(60), "neighbour 50 %"),
             ];
-            cells.extend(conditions.map(|(snr_db, fault)| Cell {
-                table: "sound".to_owned(),
-                signal: signal.to_owned(),
-                rate_hz,
-                snr_db,
-                fault: fault.to_owned(),
-            }));
+            cells.extend(conditions.map(|(snr_db, fault)| Cell { table: "sound", signal, rate_hz, snr_db, fault }));
         }
     }
     cells
@@ -118,7 +112,7 @@ fn clean(cell: &Cell) -> Result<Vec<f32>> {
         location_scatter: 0.0,
         ..SimulationConfig::default()
     };
-    let cracks = match cell.signal.as_str() {
+    let cracks = match cell.signal {
         "sound" => Vec::new(),
         "cracked" => vec![Crack::default()],
         other => bail!("unknown sound {other}"),
@@ -150,13 +144,13 @@ fn clean(cell: &Cell) -> Result<Vec<f32>> {
 fn spoil(samples: &mut [f32], clean: &[f32], peak: f64, pre_trigger: u32, cell: &Cell, phase: f64) -> Result<()> {
     const MAINS_HZ: f64 = 50.0;
     const NEIGHBOUR_S: f64 = 0.06;
-    if let Some(percent) = amount(&cell.fault, "hum ")? {
+    if let Some(percent) = amount(cell.fault, "hum ")? {
         let omega = TAU * MAINS_HZ / f64::from(cell.rate_hz);
         for (i, x) in samples.iter_mut().enumerate() {
             *x += (peak * percent / 100.0 * (omega * i as f64 + TAU * phase).sin()) as f32;
         }
     }
-    if let Some(percent) = amount(&cell.fault, "neighbour ")? {
+    if let Some(percent) = amount(cell.fault, "neighbour ")? {
         let later = pre_trigger as usize + (NEIGHBOUR_S * f64::from(cell.rate_hz) * (1.0 + phase)) as usize;
         let loudness = (percent / 100.0) as f32;
         for (x, y) in samples[later..].iter_mut().zip(&clean[pre_trigger as usize..]) {

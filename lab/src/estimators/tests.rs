@@ -11,7 +11,7 @@ fn rows() -> Vec<Row> {
 /// Catches an estimator, a pulse or a sound that has changed since the table was written: cells of every table, again.
 #[test]
 fn the_table_of_estimators_is_not_stale() {
-    let is_cheap = |cell: &Cell| match cell.table.as_str() {
+    let is_cheap = |cell: &Cell| match cell.table {
         "sound" => cell.snr_db.is_none() || (cell.rate_hz == 10_240 && cell.fault == "hum 3 %"),
         _ => cell.snr_db.is_none_or(|db| db == 40),
     };

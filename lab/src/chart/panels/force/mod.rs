@@ -58,8 +58,8 @@ pub(super) fn measure(bench: &Bench) -> Result<Panel> {
     ))
 }
 
-fn cell(signal: &str, rate_hz: u32, snr_db: Option<u32>) -> Cell {
-    Cell { table: "force".to_owned(), signal: signal.to_owned(), rate_hz, snr_db, fault: String::new() }
+fn cell(signal: &'static str, rate_hz: u32, snr_db: Option<u32>) -> Cell {
+    Cell { table: "force", signal, rate_hz, snr_db, fault: "" }
 }
 
 /// The row of `way` among the measured rows of a cell.
@@ -109,7 +109,7 @@ pub(super) fn of_estimator(bench: &Bench, which: Discriminator, config: &Process
 /// What an estimator fails on a pulse of ten samples, and over a crack.
 fn failures(bench: &Bench, way: &Way) -> Result<Vec<Failure>> {
     let effort = Effort { seed: bench.seed, taps: bench.size.pulses };
-    let bias = |pulse: &str, rate_hz, snr_db| -> Result<f64> {
+    let bias = |pulse: &'static str, rate_hz, snr_db| -> Result<f64> {
         let rows = measure_one(&cell(pulse, rate_hz, snr_db), effort)?;
         Ok(row_of(&rows, way)?.bias_percent)
     };
