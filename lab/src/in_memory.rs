@@ -24,11 +24,20 @@ impl Record {
     /// # Errors
     /// The source's refusal, or a record that does not fit its header.
     pub fn render(source: &mut impl Source, row: u32) -> Result<Self> {
-        let buffer = vec![CacheLine::default(); cache_lines_for(source.plan().recording.payload_bytes_max())];
-        let mut record = Self { header: TapHeader::default(), buffer };
-        source.render(row, 0, &mut record.header, &mut record.buffer)?;
-        Samples::view(&record.header, &record.buffer).context("a record does not fit its header")?;
+        let mut record = Self::empty(source);
+        record.take(source, row, 0)?;
         Ok(record)
+    }
+
+    /// With room for any tap of `source`.
+    fn empty(source: &impl Source) -> Self {
+        let buffer = vec![CacheLine::default(); cache_lines_for(source.plan().recording.payload_bytes_max())];
+        Self { header: TapHeader::default(), buffer }
+    }
+
+    fn take(&mut self, source: &mut impl Source, row: u32, attempt: u16) -> Result<()> {
+        source.render(row, attempt, &mut self.header, &mut self.buffer)?;
+        Samples::view(&self.header, &self.buffer).map(|_| ()).context("a record does not fit its header")
     }
 
     /// Renders the taps in `rows` of the plan.
@@ -79,17 +88,29 @@ pub(crate) fn scanned<S: Source, R, T: Send>(
     let mut results: Vec<Option<T>> = plan.taps().iter().map(|_| None).collect();
     let progress = Progress::new(Some(plan.taps().len() as u64), Unit::Things("taps"));
     let progress = Mutex::new((progress, 0));
+    let retakes = AcquireConfig::default().retakes;
     let to_do = Mutex::new((0_u32..).step_by(TAPS_AT_A_TIME).zip(results.chunks_mut(TAPS_AT_A_TIME)));
     let work = |_: rayon::BroadcastContext<'_>| -> Result<()> {
-        let mut maker = TapMaker::new(source()?);
-        let mut reader = reader()?;
+        let (mut source, mut reader) = (source()?, reader()?);
+        let mut record = Record::empty(&source);
+        // Takes a tap, and again while nothing is made of it and a retake is left.
+        let mut take = |row: u32| -> Result<T> {
+            for attempt in 0..=retakes {
+                record.take(&mut source, row, attempt)?;
+                record.header.retakes_left = (retakes - attempt).into();
+                if let Some(made) = read(&mut reader, &record.header, record.samples()) {
+                    return Ok(made);
+                }
+            }
+            bail!("tap {row} and its retakes gave no result")
+        };
         loop {
             // A separate statement, so that the lock is released before the work starts.
             let next = to_do.lock().unwrap_or_else(PoisonError::into_inner).next();
             let Some((first_row, places)) = next else { return Ok(()) };
             let count = places.len() as u64;
             for (row, place) in (first_row..).zip(places) {
-                *place = Some(maker.take(row, |header, samples| read(&mut reader, header, samples))?);
+                *place = Some(take(row)?);
             }
             let (progress, done) = &mut *progress.lock().unwrap_or_else(PoisonError::into_inner);
             *done += count;
@@ -99,32 +120,4 @@ pub(crate) fn scanned<S: Source, R, T: Send>(
     rayon::broadcast(work).into_iter().collect::<Result<()>>()?;
     let results: Option<Vec<_>> = results.into_iter().collect();
     Ok((plan, results.context("a tap of the scan was not taken")?))
-}
-
-/// One thread's rig.
-struct TapMaker<S> {
-    source: S,
-    header: TapHeader,
-    buffer: Vec<CacheLine>,
-    retakes: u16,
-}
-
-impl<S: Source> TapMaker<S> {
-    fn new(source: S) -> Self {
-        let buffer = vec![CacheLine::default(); cache_lines_for(source.plan().recording.payload_bytes_max())];
-        Self { source, header: TapHeader::default(), buffer, retakes: AcquireConfig::default().retakes }
-    }
-
-    /// Takes the tap in plan row `row`, and again while `read` returns `None` and a retake is left.
-    fn take<T>(&mut self, row: u32, mut read: impl FnMut(&TapHeader, Samples<'_>) -> Option<T>) -> Result<T> {
-        for attempt in 0..=self.retakes {
-            self.source.render(row, attempt, &mut self.header, &mut self.buffer)?;
-            self.header.retakes_left = (self.retakes - attempt).into();
-            let samples = Samples::view(&self.header, &self.buffer).context("a record does not fit its header")?;
-            if let Some(made) = read(&self.header, samples) {
-                return Ok(made);
-            }
-        }
-        bail!("tap {row} and its retakes gave no result")
-    }
 }

@@ -12,7 +12,7 @@ use std::time::Instant;
 
 use anyhow::{Context as _, Result, ensure};
 use clap::{Parser, ValueEnum as _};
-use tapline_lab::simulated::{Scene, Simulator, Times};
+use tapline_lab::simulated::{Reading, Scene, Simulator, Times};
 use tapline_plate::ScanShape;
 use tapline_process::{DurationEstimator, ProcessConfig};
 
@@ -88,8 +88,9 @@ fn main() -> Result<()> {
         ..ScanShape::default()
     };
     let process = ProcessConfig { tau: args.tau, ..ProcessConfig::default() };
+    let reading = Reading { process, ..Reading::default() };
     let taps_of_casing = shape.tap_count();
-    let mut sets = Sets::new(args.simulator, shape, process, args.reference.iter().copied().max().unwrap_or(0));
+    let mut sets = Sets::new(args.simulator, shape, reading, args.reference.iter().copied().max().unwrap_or(0));
     let begun = Instant::now();
     let mut out = io::stdout().lock();
     writeln!(

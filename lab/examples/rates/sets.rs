@@ -4,17 +4,16 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
-use anyhow::Result;
-use tapline_lab::simulated::{Scene, Set, Simulator, Tyre, simulated};
+use anyhow::{Context as _, Result};
+use tapline_lab::simulated::{Reading, Scene, Set, Simulator, Tyre, simulate};
 use tapline_plate::ScanShape;
-use tapline_process::ProcessConfig;
 
 /// The sets of a simulator.
 #[derive(Debug)]
 pub(crate) struct Sets {
     simulator: Simulator,
     shape: ScanShape,
-    process: ProcessConfig,
+    reading: Reading,
     /// Sound casings of a group that are kept for references.
     reference_casings: usize,
     known: BTreeMap<(String, u64), Arc<Set>>,
@@ -23,13 +22,8 @@ pub(crate) struct Sets {
 }
 
 impl Sets {
-    pub(crate) fn new(
-        simulator: Simulator,
-        shape: ScanShape,
-        process: ProcessConfig,
-        reference_casings: usize,
-    ) -> Self {
-        Self { simulator, shape, process, reference_casings, known: BTreeMap::new(), seconds: 0.0 }
+    pub(crate) fn new(simulator: Simulator, shape: ScanShape, reading: Reading, reference_casings: usize) -> Self {
+        Self { simulator, shape, reading, reference_casings, known: BTreeMap::new(), seconds: 0.0 }
     }
 
     /// Taps simulated so far.
@@ -55,7 +49,8 @@ impl Sets {
             return Ok(set.clone());
         }
         let begun = Instant::now();
-        let set = Arc::new(simulated(self.simulator, scene, &self.shape, &tyres, seed, self.process)?);
+        let sets = simulate(self.simulator, scene, &self.shape, &tyres, seed, &[self.reading])?;
+        let set = Arc::new(sets.into_iter().next().context("there is one reading")?);
         self.seconds += begun.elapsed().as_secs_f64();
         self.known.insert((name, seed), set.clone());
         Ok(set)

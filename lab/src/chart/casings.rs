@@ -3,14 +3,13 @@
 use anyhow::{Context as _, Result};
 use rayon::prelude::*;
 use tapline_plate::ScanShape;
-use tapline_process::ProcessConfig;
 use tapline_wire::Verdict;
 
 use super::Bench;
 use super::point::{Error, Failure, LEVEL, exceeds};
 use super::size::Size;
 use crate::evaluation::Areas;
-use crate::simulated::{Judged, Judging, Scene, Set, Simulator, Tyre, judge, simulated};
+use crate::simulated::{Judged, Judging, Reading, Scene, Set, Simulator, Tyre, judge, simulate};
 use crate::statistics::clopper_pearson;
 
 /// Offsets of the full plan, from the belt edge.
@@ -64,7 +63,8 @@ pub(crate) fn groups(bench: &Bench) -> Result<Vec<Group>> {
         for &(sound, cracked) in populations {
             for seed in bench.seeds() {
                 let set = |scene: Scene, tyres: Vec<Tyre>| {
-                    simulated(simulator, scene, &shape, &tyres, seed, ProcessConfig::default())
+                    let sets = simulate(simulator, scene, &shape, &tyres, seed, &[Reading::default()])?;
+                    sets.into_iter().next().context("there is one reading")
                 };
                 let tyres = |scene: Scene, count| scene.tyres(shape.location_count, count, seed);
                 let reference = (0..casings.reference).map(|k| Tyre::sound(format!("reference-{k:03}"))).collect();

@@ -24,5 +24,4 @@ pub use reading::Reading;
 pub(crate) use reading::quantise;
 pub use scan_taps::{ScanTaps, Times, Turn};
 pub use scene::{Crack, Scene, Simulator, Tyre};
-pub(crate) use set::simulate;
-pub use set::{Set, simulated};
+pub use set::{Set, simulate};

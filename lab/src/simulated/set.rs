@@ -7,7 +7,6 @@ use anyhow::{Context as _, Result};
 use tapline_acquire::ScanConfig;
 use tapline_model::SimulationConfig;
 use tapline_plate::ScanShape;
-use tapline_process::ProcessConfig;
 use tapline_wire::{Discriminator, Discriminators, Plan, PlannedTap, TapId, Values};
 
 use super::dataset::{Dataset, by_reading, scan_model};
@@ -32,7 +31,7 @@ pub struct Set {
 ///
 /// # Errors
 /// A setting out of its bounds.
-pub(crate) fn simulate(
+pub fn simulate(
     simulator: Simulator,
     scene: Scene,
     shape: &ScanShape,
@@ -76,22 +75,6 @@ fn scan_of(shape: &ScanShape, tyres: &[Tyre], seed: u64) -> ScanConfig {
         tyre: tyres.iter().map(Tyre::of_model).collect(),
         ..ScanConfig::default()
     }
-}
-
-/// Every tap of `tyres` in `scene`, planned by `shape` and read by `process`.
-///
-/// # Errors
-/// A setting out of its bounds.
-pub fn simulated(
-    simulator: Simulator,
-    scene: Scene,
-    shape: &ScanShape,
-    tyres: &[Tyre],
-    seed: u64,
-    process: ProcessConfig,
-) -> Result<Set> {
-    let sets = simulate(simulator, scene, shape, tyres, seed, &[Reading { process, ..Reading::default() }])?;
-    sets.into_iter().next().context("there is one reading")
 }
 
 /// `values`, each changed by `change`.
