@@ -47,21 +47,21 @@ pub(super) fn false_calls(set: &Set, size: &Size, seed: u64) -> Result<Vec<False
     let tyres = (0..size.sound_tyres).map(|k| sound(serial(k))).collect();
     let dataset = size.short.scan(&set.simulation, tyres, (seed, size.location_count))?;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut draw = |casings| drawn(&mut rng, size.sound_tyres, casings).into_iter().map(serial).collect();
     // 0 compares each tyre with itself.
-    let mut references = vec![Vec::new()];
+    let mut references: Vec<(usize, Vec<Vec<String>>)> = vec![(0, vec![Vec::new()])];
     for &casings in &size.reference_sizes {
-        for _ in 0..size.draws {
-            references.push(drawn(&mut rng, size.sound_tyres, casings).into_iter().map(serial).collect::<Vec<_>>());
-        }
+        references.push((casings, (0..size.draws).map(|_| draw(casings)).collect()));
     }
     let widest = size.reference_sizes.iter().copied().max().unwrap_or(0);
-    let mut counts: Vec<FalseCalls> = Vec::new();
+    let mut counts = Vec::new();
     for index in IndexKind::ALL {
-        let is_shown = |drawn: &&Vec<String>| index == IndexKind::default() || drawn.len() == widest;
-        let jobs: Vec<(Call, f64, &Vec<String>)> = (references.iter().filter(is_shown))
-            .flat_map(|drawn| STATED.map(|(call, stated)| (call, stated, drawn)))
+        let shown = references.iter().filter(|(casings, _)| index == IndexKind::default() || *casings == widest);
+        let cases: Vec<_> = shown.flat_map(|of_size| STATED.map(|stated| (of_size, stated))).collect();
+        let jobs: Vec<_> = (cases.iter().enumerate())
+            .flat_map(|(case, &((_, draws), stated))| draws.iter().map(move |drawn| (case, stated, drawn)))
             .collect();
-        let counted = each(&jobs, |&(call, stated, drawn)| {
+        let counted = each(&jobs, |&(_, (call, stated), drawn)| {
             let config = FuseConfig { index, ..config_for(call, stated) };
             let is_reference = |tyre: &str| drawn.iter().any(|d| d == tyre);
             let by =
@@ -69,28 +69,15 @@ pub(super) fn false_calls(set: &Set, size: &Size, seed: u64) -> Result<Vec<False
             let judged = judge(&config, &dataset.of_tyres(|tyre| !is_reference(tyre))?, by.as_ref())?;
             Ok((judged.len(), judged.iter().filter(|j| call.is(j.verdict)).count()))
         })?;
-        for (&(call, stated, drawn), (judged, calls)) in jobs.iter().zip(counted) {
-            let casings = drawn.len();
-            let is_it = |c: &&mut FalseCalls| {
-                c.index == index && c.call == call && c.casings == casings && c.stated.total_cmp(&stated).is_eq()
-            };
-            match counts.iter_mut().find(is_it) {
-                Some(of_it) => {
-                    of_it.judged += judged;
-                    of_it.calls += calls;
-                }
-                None => {
-                    let rate = Rate { rate: 0.0, low: 0.0, high: 1.0 };
-                    counts.push(FalseCalls { index, casings, call, stated, judged, calls, rate });
-                }
-            }
+        for (case, &(&(casings, _), (call, stated))) in cases.iter().enumerate() {
+            let of_case = || jobs.iter().zip(&counted).filter(|((of, ..), _)| *of == case).map(|(_, count)| count);
+            let (judged, calls): (usize, usize) =
+                (of_case().map(|count| count.0).sum(), of_case().map(|count| count.1).sum());
+            let shoulders = 2 * (size.sound_tyres - casings);
+            let rate = calls as f64 / judged as f64;
+            let once = clopper_pearson((rate * shoulders as f64).round() as usize, shoulders, 0.95)?;
+            counts.push(FalseCalls { index, casings, call, stated, judged, calls, rate: Rate { rate, ..once } });
         }
-    }
-    for of_it in &mut counts {
-        let shoulders = 2 * (size.sound_tyres - of_it.casings);
-        let rate = of_it.calls as f64 / of_it.judged as f64;
-        let once = clopper_pearson((rate * shoulders as f64).round() as usize, shoulders, 0.95)?;
-        of_it.rate = Rate { rate, ..once };
     }
     Ok(counts)
 }
