@@ -32,15 +32,6 @@ pub(super) struct Line {
     pub cost: f64,
 }
 
-/// Where names may be.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Room {
-    pub left: f64,
-    pub right: f64,
-    pub top: f64,
-    pub bottom: f64,
-}
-
 /// A name that has a place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Placed {
@@ -49,12 +40,13 @@ pub(super) struct Placed {
     pub leader: Option<(Place, Place)>,
 }
 
+/// A name's, a mark's, or the one that names may be in.
 #[derive(Debug, Clone, Copy)]
-struct Box {
-    left: f64,
-    right: f64,
-    top: f64,
-    bottom: f64,
+pub(super) struct Box {
+    pub left: f64,
+    pub right: f64,
+    pub top: f64,
+    pub bottom: f64,
 }
 
 impl Box {
@@ -91,7 +83,7 @@ struct Candidate {
 }
 
 /// A place for each of `names`; `None` for one that must cover another.
-pub(super) fn place(names: &[Named], lines: &[Line], room: &Room) -> Vec<Option<Placed>> {
+pub(super) fn place(names: &[Named], lines: &[Line], room: &Box) -> Vec<Option<Placed>> {
     let mark = |name: &Named| Box::around(name.place, name.radius + 2.0, name.radius + 2.0);
     let marks: Vec<Box> = names.iter().map(mark).collect();
     let candidates: Vec<Vec<Candidate>> = names.iter().map(|name| candidates(name, lines, room)).collect();
@@ -110,7 +102,7 @@ pub(super) fn place(names: &[Named], lines: &[Line], room: &Room) -> Vec<Option<
     chosen.into_iter().map(|candidate| candidate.map(|candidate| candidate.placed)).collect()
 }
 
-fn candidates(name: &Named, lines: &[Line], room: &Room) -> Vec<Candidate> {
+fn candidates(name: &Named, lines: &[Line], room: &Box) -> Vec<Candidate> {
     let half_width = 0.5 * width_of(&name.text, TEXT_PX, name.is_bold) + 1.0;
     let half_height = 0.5 * LINE_PX - 1.0;
     let (x, y) = name.place;
@@ -169,7 +161,7 @@ mod tests {
     /// Catches names on names, on points of others, or outside of the room; a dozen crowded points must all have one.
     #[test]
     fn names_do_not_stand_on_names() {
-        let room = Room { left: 0.0, right: 420.0, top: 0.0, bottom: 330.0 };
+        let room = Box { left: 0.0, right: 420.0, top: 0.0, bottom: 330.0 };
         let named = |k: u32| Named {
             text: format!("point number {k}"),
             is_bold: k == 0,
@@ -196,7 +188,7 @@ mod tests {
     /// the right edge of the room.
     #[test]
     fn a_name_is_nearest_to_its_own_point() {
-        let room = Room { left: 0.0, right: 426.0, top: 95.0, bottom: 396.0 };
+        let room = Box { left: 0.0, right: 426.0, top: 95.0, bottom: 396.0 };
         for (apart, lower) in (60..100).step_by(4).flat_map(|apart| (-20..=20).step_by(4).map(move |y| (apart, y))) {
             let places = [(405.0 - f64::from(apart), 210.0), (405.0, 210.0 + f64::from(lower))];
             let named = |text: &str, place| Named {

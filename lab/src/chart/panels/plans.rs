@@ -32,6 +32,9 @@ struct Tried {
     is_default: bool,
 }
 
+/// Labels of the plans that a short chart tries.
+const QUICK: [&str; 5] = ["1 turn", "4 offsets", "50 + 34, again", "adaptive", "Eqs. 55-56, 1 turn"];
+
 /// The plans; a short chart tries a few.
 fn tried(is_full: bool) -> Vec<Tried> {
     let v = [VELOCITY_M_PER_S];
@@ -82,28 +85,18 @@ fn tried(is_full: bool) -> Vec<Tried> {
                 full(&OFFSETS_MM, 1),
             )
         },
-    ];
-    if !is_full {
-        tried.retain(|plan| {
-            ["1 turn", "4 offsets", "50 + 34, again", "adaptive", "Eqs. 55-56, 1 turn"].contains(&plan.label)
-        });
-    }
-    if is_full {
-        tried.push(of(
-            "0 mm x 3 velocities x 2",
-            "two turns at 0 mm at each of three velocities",
-            all(&OFFSETS_MM[..1]),
-        ));
-        tried.push(of("full 4 x 3 x 2", "two turns at each of four offsets and three velocities", all(&OFFSETS_MM)));
-        tried.push(Tried {
+        of("0 mm x 3 velocities x 2", "two turns at 0 mm at each of three velocities", all(&OFFSETS_MM[..1])),
+        of("full 4 x 3 x 2", "two turns at each of four offsets and three velocities", all(&OFFSETS_MM)),
+        Tried {
             index: IndexKind::Dissertation,
             ..of(
                 "Eqs. 55-56, full",
                 "two turns at each of four offsets and three velocities, the dissertation's index",
                 all(&OFFSETS_MM),
             )
-        });
-    }
+        },
+    ];
+    tried.retain(|plan| is_full || QUICK.contains(&plan.label));
     tried
 }
 
