@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, Result};
 use tapline_acquire::{ScanConfig, SimulatedLine};
-use tapline_fuse::{Built, FuseConfig, Fusion, KnownShoulder, ReferenceSet, build_reference};
+use tapline_fuse::{Built, FuseConfig, Fusion, KnownShoulder, Reference, ReferenceSet, build_reference};
 use tapline_model::SimulationConfig;
 use tapline_wire::{Discriminators, Plan, PlannedTap, Scan};
 
@@ -60,9 +60,12 @@ impl Dataset {
         Ok(Arc::new(build_reference(&built, shoulders.context("a shoulder is not planned")?)?))
     }
 
-    /// The fusion after all of its taps, compared with `reference`, or by the reference of `config`.
+    /// The fusion after all of its taps, compared with `reference`, or by the reference of `config`, which is each casing by itself
+    /// if it names none.
     pub(crate) fn fusion(&self, config: &FuseConfig, reference: Option<&Arc<ReferenceSet>>) -> Result<Fusion> {
-        let mut fusion = Fusion::by(config, &self.plan, reference.cloned())?;
+        let own = config.reference.clone().or(Some(Reference::Own));
+        let config = FuseConfig { reference: own, ..config.clone() };
+        let mut fusion = Fusion::by(&config, &self.plan, reference.cloned())?;
         self.records.iter().try_for_each(|record| fusion.push(record))?;
         (0..self.plan.scans().len()).try_for_each(|number| fusion.end(number))?;
         Ok(fusion)

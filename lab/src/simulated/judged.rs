@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use anyhow::Result;
-use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
+use tapline_fuse::{FuseConfig, Fusion, ReferenceSet};
 use tapline_wire::{Discriminator, Reasons, Scan};
 
 use super::dataset::Dataset;
@@ -72,7 +72,6 @@ impl Judging {
     /// # Errors
     /// If the set has not all of these taps.
     pub fn new(config: FuseConfig, known: Option<(&Set, usize)>, taps: ScanTaps) -> Result<Self> {
-        let config = FuseConfig { reference: Some(Reference::Own), ..config };
         let reference = |(set, casings): (&Set, usize)| {
             let shape = taps.shape(&set.shape);
             let turns = shape.repetitions / if taps.is_confirmed { 2 } else { 1 };

@@ -3,18 +3,12 @@
 use std::sync::Arc;
 
 use anyhow::Result;
-use tapline_fuse::{FuseConfig, Fusion, Reference, ReferenceSet};
+use tapline_fuse::{FuseConfig, ReferenceSet};
 use tapline_wire::Discriminator;
 
 use crate::evaluation::Areas;
 use crate::shoulder_result::ShoulderResult;
 use crate::simulated::Dataset;
-
-/// The fusion after all taps of `dataset`, compared with the shoulders of a reference, or each tyre with itself.
-fn fusion(config: &FuseConfig, dataset: &Dataset, by: Option<&Arc<ReferenceSet>>) -> Result<Fusion> {
-    let config = FuseConfig { reference: Some(Reference::Own), ..config.clone() };
-    dataset.fusion(&config, by)
-}
 
 /// The shoulders of `dataset`, in the order of its plan, compared with those of `by` or each tyre with itself.
 pub(super) fn judge(
@@ -22,7 +16,7 @@ pub(super) fn judge(
     dataset: &Dataset,
     by: Option<&Arc<ReferenceSet>>,
 ) -> Result<Vec<ShoulderResult>> {
-    let mut fusion = fusion(config, dataset, by)?;
+    let mut fusion = dataset.fusion(config, by)?;
     let scans = dataset.plan.scans().iter().enumerate();
     scans.map(|(number, scan)| ShoulderResult::new(scan, &fusion.judge(number)?, dataset.is_cracked(scan))).collect()
 }
@@ -30,7 +24,7 @@ pub(super) fn judge(
 /// The areas of the score of each discriminator on the shoulders of `dataset`, in place of the index.
 pub(super) fn alone(dataset: &Dataset, by: Option<&Arc<ReferenceSet>>) -> Result<Vec<(Discriminator, Areas)>> {
     let config = FuseConfig { discriminators: Discriminator::ALL.to_vec(), ..FuseConfig::default() };
-    let mut fusion = fusion(&config, dataset, by)?;
+    let mut fusion = dataset.fusion(&config, by)?;
     let mut places = Discriminator::ALL.map(|_| Vec::new());
     for (number, scan) in dataset.plan.scans().iter().enumerate() {
         let is_cracked = dataset.is_cracked(scan);
