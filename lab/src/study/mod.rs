@@ -27,7 +27,6 @@ use tapline_host::messages::say;
 use self::candidates::{Candidate, SingleDiscriminator, Split};
 use self::false_calls::FalseCalls;
 use self::gauge::GaugeResult;
-use self::published::FoundOnSet;
 use self::size::Size;
 use self::summary::OfSet;
 use crate::evaluation::{Detection, Table, files_of, print_tables};
@@ -90,7 +89,6 @@ struct Findings {
     calls: Vec<FalseCalls>,
     gauge: Vec<GaugeResult>,
     of_sets: Vec<OfSet>,
-    found: Vec<FoundOnSet>,
     tables: Vec<Table>,
 }
 
@@ -140,20 +138,19 @@ impl Findings {
         step.begin("gauge study");
         let gauge = gauge::gauge(first, size, seed)?;
         let of_sets = summary::of_sets(&candidates, &alone, &names, seed);
-        let found = published::found_on_sets(&candidates, &names, seed);
         let tables = vec![
             about,
             summary::table(&of_sets),
             candidates::overlap_table(&candidates),
             false_calls::table(&calls)?,
             detection::table(&detection),
-            published::table(&detection, &found),
+            published::table(&detection, &of_sets),
             gauge::table(&gauge),
             candidates::table(&candidates, seed)?,
             candidates::alone_table(&alone, seed),
             detection::targets_table(&detection),
         ];
-        Ok(Self { sets: names, candidates, alone, detection, calls, gauge, of_sets, found, tables })
+        Ok(Self { sets: names, candidates, alone, detection, calls, gauge, of_sets, tables })
     }
 
     /// Writes tables and figures into `folder`, and the page beside it.

@@ -7,7 +7,7 @@ use tapline_fuse::IndexKind;
 use super::Findings;
 use super::false_calls::{FalseCalls, STATED};
 use super::gauge::GaugeResult;
-use super::published::{FoundOnSet, HONEYCOMB_A90_95_MM, SLABS_TPR, a90_95_mm};
+use super::published::{HONEYCOMB_A90_95_MM, SLABS_TPR, a90_95_mm};
 use super::summary::{OfSet, Rival};
 
 const HEAD: &str = include_str!("head.md");
@@ -56,7 +56,7 @@ fn conclusions(found: &Findings) -> Vec<String> {
     ];
     lines.extend(called(&found.calls));
     lines.push(detected(&found.detection));
-    lines.extend(published(&found.detection, &found.found));
+    lines.extend(published(&found.detection, &found.of_sets));
     lines.extend(repeated(&found.gauge));
     lines
 }
@@ -111,7 +111,7 @@ fn detected(detection: &[Detection]) -> String {
 }
 
 /// The study's numbers beside those of other structures.
-fn published(detection: &[Detection], found: &[FoundOnSet]) -> Vec<String> {
+fn published(detection: &[Detection], of_sets: &[OfSet]) -> Vec<String> {
     let a90_95 = a90_95_mm(detection).map(|mm| {
         format!(
             "a90/95 is {} mm here, on simulated rubber by length across the shoulder; {HONEYCOMB_A90_95_MM} mm is published for \
@@ -119,7 +119,7 @@ fn published(detection: &[Detection], found: &[FoundOnSet]) -> Vec<String> {
             cell(mm)
         )
     });
-    let range = extent(found.iter().map(|of| of.found.rate)).map(|(least, most)| {
+    let range = extent(of_sets.iter().filter_map(|of| Some(of.found?.rate))).map(|(least, most)| {
         format!(
             "At 5 % false alarms {} to {} of the cracked locations are found, set by set; {} is published for another structure, \
              concrete slabs (FHWA).",

@@ -1,36 +1,19 @@
 //! The study's numbers beside published ones of other structures, for which nothing else of the kind is in print.
 
-use crate::evaluation::{Cell, Detection, FALSE_ALARMS, FoundAt, Table, cell, ends};
-use tapline_fuse::IndexKind;
-
-use super::candidates::{Candidate, find};
+use super::summary::OfSet;
+use crate::evaluation::{Cell, Detection, Table, cell, ends};
 
 /// a90/95 in mm of honeycomb panels tapped by machine: NRC Canada, ICAF 2023, paper 55.
 pub(super) const HONEYCOMB_A90_95_MM: f64 = 28.0;
 /// TPR of concrete slabs, at a TNR of 0.95: Dorafshan & Azari, TRID 1748127.
 pub(super) const SLABS_TPR: f64 = 0.7;
 
-/// What is found at 5 % false alarms on each set, by the default index and a healthy reference.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct FoundOnSet {
-    pub set: &'static str,
-    pub found: FoundAt,
-}
-
-pub(super) fn found_on_sets(candidates: &[Candidate], sets: &[&'static str], seed: u64) -> Vec<FoundOnSet> {
-    let of_set = |&set: &&'static str| {
-        let areas = &find(candidates, set, "healthy", IndexKind::default())?.areas;
-        Some(FoundOnSet { set, found: areas.found_at(FALSE_ALARMS, seed)? })
-    };
-    sets.iter().filter_map(of_set).collect()
-}
-
 /// The a90/95 by hit and miss of the cracks of all depths.
 pub(super) fn a90_95_mm(detection: &[Detection]) -> Option<f64> {
     detection.first()?.hit_miss.as_ref().ok()?.a90_95_likelihood
 }
 
-pub(super) fn table(detection: &[Detection], found: &[FoundOnSet]) -> Table {
+pub(super) fn table(detection: &[Detection], of_sets: &[OfSet]) -> Table {
     let mut table = Table::new(
         "published",
         "This study beside published numbers of other structures: they show the usual size of such numbers, not which method is better. \
@@ -47,8 +30,8 @@ pub(super) fn table(detection: &[Detection], found: &[FoundOnSet]) -> Table {
         "honeycomb panel tapped by machine: another structure".into(),
         "NRC Canada, ICAF 2023, paper 55".into(),
     ]);
-    for FoundOnSet { set, found } in found {
-        let mut row = vec!["TPR at 5 % false alarms".into(), (*set).into(), cell(found.rate)];
+    for (set, found) in of_sets.iter().filter_map(|of| Some((of.set, of.found?))) {
+        let mut row = vec!["TPR at 5 % false alarms".into(), set.into(), cell(found.rate)];
         row.extend(ends(found.interval));
         row.extend([
             cell(SLABS_TPR),

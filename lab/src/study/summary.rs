@@ -1,6 +1,6 @@
 //! The default index compared with what it must beat, set by set.
 
-use crate::evaluation::{Areas, Cell, Table, cell, ends};
+use crate::evaluation::{Areas, Cell, FALSE_ALARMS, FoundAt, Table, cell, ends};
 use tapline_fuse::IndexKind;
 use tapline_wire::Discriminator;
 
@@ -28,6 +28,8 @@ pub(super) struct OfSet {
     pub dissertation: Rival,
     /// AUC of the default index, each tyre by itself.
     pub by_itself: Option<f64>,
+    /// What is found at 5 % false alarms.
+    pub found: Option<FoundAt>,
 }
 
 /// The default index on each of `sets`.
@@ -53,6 +55,7 @@ pub(super) fn of_sets(
             alone: rival(&single.areas)?,
             dissertation: rival(&find(candidates, set, "healthy", IndexKind::Dissertation)?.areas)?,
             by_itself: find(candidates, set, "self", IndexKind::default()).and_then(|own| own.areas.auc()),
+            found: default.found_at(FALSE_ALARMS, seed),
         })
     };
     sets.iter().filter_map(of_set).collect()
