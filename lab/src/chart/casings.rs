@@ -105,18 +105,20 @@ pub(crate) fn inspect(groups: &[Group], simulator: Simulator, configure: &Config
     of_simulator.into_par_iter().map(of_group).collect()
 }
 
-/// The rate, in per cent, at which `is_it` holds for shoulders that `of` selects: over all, with an exact interval, and by seed.
+/// The rate, in per cent, at which `is_it` holds for shoulders that `of` selects: over all, with an exact interval, and by seed. A
+/// shoulder without an answer does not count.
 pub(crate) fn rate_percent(
     inspected: &[Inspected],
     of: impl Fn(&Inspected) -> &[Judged],
-    is_it: impl Fn(&Judged) -> bool,
+    is_it: impl Fn(&Judged) -> Option<bool>,
 ) -> Result<Error> {
     let mut seeds: Vec<u64> = inspected.iter().map(|i| i.seed).collect();
     seeds.sort_unstable();
     seeds.dedup();
     let counts = |seed: Option<u64>| {
         let shoulders = inspected.iter().filter(|i| seed.is_none_or(|seed| seed == i.seed)).flat_map(&of);
-        shoulders.fold((0_usize, 0_usize), |(count, all), judged| (count + usize::from(is_it(judged)), all + 1))
+        let answers = shoulders.filter_map(&is_it);
+        answers.fold((0_usize, 0_usize), |(count, all), is_it| (count + usize::from(is_it), all + 1))
     };
     let (count, all) = counts(None);
     let rate = clopper_pearson(count, all, LEVEL)?;
@@ -147,12 +149,12 @@ pub(crate) fn loss(bench: &Bench, places: &[Place]) -> Result<(Error, usize)> {
 
 /// Cracked shoulders that pass.
 pub(crate) fn missed_percent(inspected: &[Inspected]) -> Result<Error> {
-    rate_percent(inspected, |i| &i.cracked, |judged| judged.result.verdict == Verdict::Pass)
+    rate_percent(inspected, |i| &i.cracked, |judged| Some(judged.result.verdict == Verdict::Pass))
 }
 
 /// Sound shoulders that do not pass.
 pub(crate) fn called_percent(inspected: &[Inspected]) -> Result<Error> {
-    rate_percent(inspected, |i| &i.sound, |judged| judged.result.verdict != Verdict::Pass)
+    rate_percent(inspected, |i| &i.sound, |judged| Some(judged.result.verdict != Verdict::Pass))
 }
 
 /// The failure if `called`, in per cent, significantly exceeds the stated rate of false calls.

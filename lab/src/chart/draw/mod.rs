@@ -38,27 +38,26 @@ const RING: f64 = 4.5;
 
 /// The picture of one facet.
 pub(crate) fn facet(facet: &Facet, size: Place) -> Result<String> {
-    let svg = canvas::svg(pixels(size), |area| Drawing::new(facet, (0.0, 0.0), size).draw(area))?;
-    Ok(slim(&svg))
+    picture(std::slice::from_ref(facet), 1, size)
 }
 
 /// All facets of a panel in one picture, in one or two columns.
 pub(crate) fn sheet(panel: &Panel, is_narrow: bool) -> Result<String> {
     let (columns, size) = if is_narrow || panel.facets.len() == 1 { (1, NARROW) } else { (2, HALF) };
-    let rows = panel.facets.len().div_ceil(columns);
-    let whole = (columns as f64 * size.0, rows as f64 * size.1);
-    let svg = canvas::svg(pixels(whole), |area| {
-        for (number, facet) in panel.facets.iter().enumerate() {
+    Ok(themed(&picture(&panel.facets, columns, size)?))
+}
+
+/// `facets` in `columns`, each of `size`.
+fn picture(facets: &[Facet], columns: usize, size: Place) -> Result<String> {
+    let rows = facets.len().div_ceil(columns);
+    let svg = canvas::svg(((columns as f64 * size.0) as u32, (rows as f64 * size.1) as u32), |area| {
+        for (number, facet) in facets.iter().enumerate() {
             let corner = ((number % columns) as f64 * size.0, (number / columns) as f64 * size.1);
             Drawing::new(facet, corner, size).draw(area)?;
         }
         Ok(())
     })?;
-    Ok(themed(&slim(&svg)))
-}
-
-fn pixels((width, height): Place) -> (u32, u32) {
-    (width as u32, height as u32)
+    Ok(slim(&svg))
 }
 
 /// Removes attributes that only state defaults, and outlines every letter in white, so that lines do not cross it.

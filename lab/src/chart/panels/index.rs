@@ -93,8 +93,22 @@ pub(super) fn measure(bench: &Bench) -> Result<Panel> {
             let of_ring = ring_points(bench, rule, cost, &inspected).into_iter();
             ring.extend(of_ring.map(|point| point.failing(failures.clone())));
         }
-        facets.push(locations(bench, simulator, points));
-        facets.push(shoulders(bench, simulator, ring));
+        let loss = Quantity::log("Loss of detection, 1 \u{2212} AUC", "");
+        let missed = Quantity::linear("Cracked shoulders missed at 5 % false calls", "%");
+        for (name, title, error, tolerance, families, points) in [
+            ("locations", "Locations", loss, 0.005, ["all discriminators", "one discriminator"], points),
+            ("shoulders", "Shoulders", missed, 1.0, ["strongest arc", "largest index of three"], ring),
+        ] {
+            facets.push(Facet {
+                cost: Quantity::log("Processor time of a casing", "\u{b5}s"),
+                error,
+                tolerance: Tolerance { cost: 0.15, error: tolerance },
+                families: families.into(),
+                points,
+                ..bench
+                    .facet(format!("{}-{name}", simulator.name()), format!("{title}, simulator {}", simulator.name()))
+            });
+        }
     }
     Ok(Panel::new(
         "Which index rates a place, and which rule a shoulder?",
@@ -247,26 +261,4 @@ fn lost_to_outliers(size: &Size, group: &Group, rule: Rule, clean: &Judging) -> 
         areas_of(&locations_of(&[inspected]), None).auc().context("locations of both kinds have an index")
     };
     Ok(area(clean)? - area(&spoiled)?)
-}
-
-fn locations(bench: &Bench, simulator: Simulator, points: Vec<Point>) -> Facet {
-    Facet {
-        cost: Quantity::log("Processor time of a casing", "\u{b5}s"),
-        error: Quantity::log("Loss of detection, 1 \u{2212} AUC", ""),
-        tolerance: Tolerance { cost: 0.15, error: 0.005 },
-        families: vec!["all discriminators", "one discriminator"],
-        points,
-        ..bench.facet(format!("{}-locations", simulator.name()), format!("Locations, simulator {}", simulator.name()))
-    }
-}
-
-fn shoulders(bench: &Bench, simulator: Simulator, points: Vec<Point>) -> Facet {
-    Facet {
-        cost: Quantity::log("Processor time of a casing", "\u{b5}s"),
-        error: Quantity::linear("Cracked shoulders missed at 5 % false calls", "%"),
-        tolerance: Tolerance { cost: 0.15, error: 1.0 },
-        families: vec!["strongest arc", "largest index of three"],
-        points,
-        ..bench.facet(format!("{}-shoulders", simulator.name()), format!("Shoulders, simulator {}", simulator.name()))
-    }
 }

@@ -15,7 +15,7 @@ use crate::chart::front::Tolerance;
 use crate::chart::panel::{Facet, Guide, Panel, Quantity};
 use crate::chart::point::{Cost, Point};
 use crate::evaluation::{Cell, Table, cell, ends};
-use crate::simulated::{Judging, ScanTaps, Simulator};
+use crate::simulated::{Judged, Judging, ScanTaps, Simulator};
 
 /// Time of the competing method, as its vendors state it.
 const SHEAROGRAPHY_S: (f64, f64) = (45.0, 60.0);
@@ -210,13 +210,8 @@ fn row(simulator: Simulator, plan: &Tried, inspected: &[Inspected]) -> Result<Ve
     row.push(cell(missed.value));
     row.extend(ends(Some((missed.low, missed.high))));
     for kind in ["faint-smooth", "faint-rough", "strong-smooth", "strong-rough"] {
-        let of_kind: Vec<Inspected> = (inspected.iter())
-            .map(|i| Inspected {
-                cracked: i.cracked.iter().filter(|j| j.result.tyre.starts_with(kind)).cloned().collect(),
-                ..i.clone()
-            })
-            .collect();
-        let missed = rate_percent(&of_kind, |i| &i.cracked, |judged| judged.result.verdict == Verdict::Pass);
+        let is_missed = |j: &Judged| j.result.tyre.starts_with(kind).then_some(j.result.verdict == Verdict::Pass);
+        let missed = rate_percent(inspected, |i| &i.cracked, is_missed);
         row.push(cell(missed.ok().map(|missed| missed.value)));
     }
     row.push(cell(called.value));
