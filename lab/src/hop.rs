@@ -70,7 +70,7 @@ impl Size {
 }
 
 /// Result of a run.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Run {
     /// Records.
     pub count: u64,

@@ -17,13 +17,10 @@ const PACE_PER_S: u32 = 500;
 
 pub(super) fn measure(bench: &Bench) -> Result<Panel> {
     let size = &bench.size;
-    let mut fast: Vec<Vec<Run>> = Vec::new();
-    let mut paced: Vec<Vec<Run>> = Vec::new();
     // A short chart leaves out every second size.
     let sizes = SIZES_KIB.into_iter().step_by(if size.is_full { 1 } else { 2 });
     let cases: Vec<(usize, Way)> = sizes.flat_map(|kib| Way::ALL.map(|way| (kib, way))).collect();
-    fast.resize_with(cases.len(), Vec::new);
-    paced.resize_with(cases.len(), Vec::new);
+    let (mut fast, mut paced) = (vec![Vec::new(); cases.len()], vec![Vec::new(); cases.len()]);
     let period = Duration::from_secs(1) / PACE_PER_S;
     for _ in 0..size.hop_rounds {
         for (place, &(kib, way)) in cases.iter().enumerate() {
@@ -32,10 +29,22 @@ pub(super) fn measure(bench: &Bench) -> Result<Panel> {
             paced[place].push(run(way, Size::whole(kib * 1024), size.paced, Some(period))?);
         }
     }
-    let facets = vec![
-        facet(bench, "fast", "As fast as records go", &cases, &fast, |run| run.elapsed_us, "Time of a record"),
-        facet(bench, "paced", "500 records a second", &cases, &paced, |run| run.p99_us, "Latency, 99 of 100 records"),
+    let elapsed: fn(&Run) -> f64 = |run| run.elapsed_us;
+    let facets = [
+        ("fast", "As fast as records go", "Time of a record", &fast, elapsed),
+        ("paced", "500 records a second", "Latency, 99 of 100 records", &paced, |run| run.p99_us),
     ];
+    let facets = facets.map(|(name, title, error, runs, time_us)| Facet {
+        cost: Quantity::log("Processor time of a record, three processes", "\u{b5}s"),
+        error: Quantity::log(error, "\u{b5}s"),
+        // Scheduling adds noise: differences of less than 20 us do not count.
+        tolerance: Tolerance { cost: 0.25, error: 20.0 },
+        truth: "every record arrives whole and in order, or the run fails".to_owned(),
+        seeds: vec![bench.seed],
+        families: Way::ALL.map(Way::name).to_vec(),
+        points: cases.iter().zip(runs).map(|(&case, runs)| point(case, runs, time_us)).collect(),
+        ..bench.facet(name, title)
+    });
     Ok(Panel::new(
         "How do records cross from process to process?",
         "A producer and two consumers in processes of their own: what does a record cost, and how long is it under way?",
@@ -46,42 +55,19 @@ pub(super) fn measure(bench: &Bench) -> Result<Panel> {
             "Lines join one way from 4 KiB to 1 MiB. Each size has a front of its own.",
             "On a machine with other work, the 99th of 100 latencies is due to that work.",
         ],
-        facets,
+        facets.into(),
     ))
 }
 
-fn facet(
-    bench: &Bench,
-    name: &str,
-    title: &str,
-    cases: &[(usize, Way)],
-    runs: &[Vec<Run>],
-    time_us: fn(&Run) -> f64,
-    error: &'static str,
-) -> Facet {
-    let point = |(&(kib, way), runs): (&(usize, Way), &Vec<Run>)| {
-        let cpu: Vec<f64> = runs.iter().map(|run| run.cpu_us).collect();
-        let times: Vec<f64> = runs.iter().map(time_us).collect();
-        let n = runs.iter().map(|run| run.count as usize).sum();
-        let size = if kib < 1024 { format!("{kib} KiB") } else { "1 MiB".to_owned() };
-        Point::new(format!("{}, {size}", way.name()), size, Cost::of(&cpu), Error::mean_of(times), n)
-            .family(way as usize)
-            .group(kib)
-            .default_if(way == Way::Topic)
-            .remark(format!(
-                "median latency {:.0} us",
-                Cost::of(&runs.iter().map(|run| run.p50_us).collect::<Vec<_>>()).median
-            ))
-    };
-    Facet {
-        cost: Quantity::log("Processor time of a record, three processes", "\u{b5}s"),
-        error: Quantity::log(error, "\u{b5}s"),
-        // Scheduling adds noise: differences of less than 20 us do not count.
-        tolerance: Tolerance { cost: 0.25, error: 20.0 },
-        truth: "every record arrives whole and in order, or the run fails".to_owned(),
-        seeds: vec![bench.seed],
-        families: Way::ALL.map(Way::name).to_vec(),
-        points: cases.iter().zip(runs).map(point).collect(),
-        ..bench.facet(name, title)
-    }
+/// The point of records of `kib` that are sent over `way`.
+fn point((kib, way): (usize, Way), runs: &[Run], time_us: fn(&Run) -> f64) -> Point {
+    let of = |value: fn(&Run) -> f64| runs.iter().map(value).collect::<Vec<f64>>();
+    let n = runs.iter().map(|run| run.count as usize).sum();
+    let size = if kib < 1024 { format!("{kib} KiB") } else { "1 MiB".to_owned() };
+    let cost = Cost::of(&of(|run| run.cpu_us));
+    Point::new(format!("{}, {size}", way.name()), size, cost, Error::mean_of(of(time_us)), n)
+        .family(way as usize)
+        .group(kib)
+        .default_if(way == Way::Topic)
+        .remark(format!("median latency {:.0} us", Cost::of(&of(|run| run.p50_us)).median))
 }
