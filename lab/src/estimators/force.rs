@@ -136,20 +136,23 @@ fn estimators(cell: &Cell) -> Result<Vec<Estimator>> {
     })
 }
 
-/// The records of `cell`, in N.
-pub(crate) fn pulse_records(cell: &Cell, effort: Effort) -> Result<Vec<Vec<f32>>> {
-    records(&Pulse::named(cell.signal)?, cell, effort)
-}
-
-fn records(pulse: &Pulse, cell: &Cell, effort: Effort) -> Result<Vec<Vec<f32>>> {
+/// The records of `cell`, in N, and the pulse in them.
+fn records(cell: &Cell, effort: Effort) -> Result<(Pulse, Vec<Vec<f32>>)> {
+    let pulse = Pulse::named(cell.signal)?;
     let mut generator = cell.generator(effort.seed);
     let mut made = |_| {
-        let mut samples = record(pulse, cell, uniform(&mut generator)?)?;
+        let mut samples = record(&pulse, cell, uniform(&mut generator)?)?;
         add_noise(&mut samples, pulse.f_max_n(), cell.snr_db, &mut generator);
-        clip(&mut samples, pulse, cell)?;
+        clip(&mut samples, &pulse, cell)?;
         Ok(samples)
     };
-    (0..effort.taps).map(&mut made).collect()
+    let records = (0..effort.taps).map(&mut made).collect::<Result<_>>()?;
+    Ok((pulse, records))
+}
+
+/// The records of `cell`, in N.
+pub(crate) fn pulse_records(cell: &Cell, effort: Effort) -> Result<Vec<Vec<f32>>> {
+    Ok(records(cell, effort)?.1)
 }
 
 /// What `extractor` finds in a record of [`pulse_records`].
@@ -158,8 +161,7 @@ pub(crate) fn extract_force(extractor: &mut ProcessExtractor, samples: &[f32], r
 }
 
 pub(super) fn measure(cell: &Cell, effort: Effort) -> Result<Vec<Row>> {
-    let pulse = Pulse::named(cell.signal)?;
-    let taps = records(&pulse, cell, effort)?;
+    let (pulse, taps) = records(cell, effort)?;
     rows(cell, Channel::Force, PRE_TRIGGER, &estimators(cell)?, &taps, |_, which| {
         Some(if which == Discriminator::FMax { pulse.f_max_n() } else { pulse.contact_time_s })
     })

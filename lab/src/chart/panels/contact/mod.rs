@@ -46,13 +46,6 @@ impl Places {
     }
 }
 
-fn label(rung: Rung) -> String {
-    match rung {
-        Rung::Closed => "closed form".to_owned(),
-        rung => rung.name().to_owned(),
-    }
-}
-
 /// Peak force, contact time, deepest position and restitution; NaN where the model has none.
 fn quantities(rung: Rung, scene: &Scene) -> [f64; 4] {
     let contact = rung.contact(scene, DampingLaw::Exact);
@@ -116,7 +109,8 @@ fn ladder(bench: &Bench, places: Places, name: &str, title: &str) -> Result<Face
     let points = Rung::ALL.into_iter().zip(costs).zip(by_seed).map(|((rung, cost), by_seed)| {
         let n = size.contacts * size.seed_count as usize;
         let name = format!("the {} rung", rung.name());
-        Ok(Point::new(name, label(rung), cost, Error::mean_of(by_seed), n).failing(failures(rung)?))
+        let label = if rung == Rung::Closed { "closed form" } else { rung.name() };
+        Ok(Point::new(name, label, cost, Error::mean_of(by_seed), n).failing(failures(rung)?))
     });
     Ok(Facet {
         cost: Quantity::log("Processor time of a contact", "\u{b5}s"),

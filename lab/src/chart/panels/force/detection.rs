@@ -5,12 +5,12 @@ use tapline_plate::ScanShape;
 use tapline_process::ProcessConfig;
 use tapline_wire::Discriminator;
 
-use super::{Way, failures};
+use super::{Way, point};
 use crate::chart::Bench;
 use crate::chart::casings::{Place, VELOCITY_M_PER_S, loss};
 use crate::chart::front::Tolerance;
 use crate::chart::panel::{Facet, Quantity};
-use crate::chart::point::{Cost, Point};
+use crate::chart::point::Cost;
 use crate::simulated::{Reading, ScanTaps, Scene, Simulator, alone_of, simulate};
 
 /// The casings: faint cracks in smooth ones.
@@ -47,9 +47,7 @@ pub(super) fn alone(bench: &Bench, simulator: Simulator, ways: &[Way], costs: &[
     let found = found(bench, simulator, ways)?;
     let points = ways.iter().zip(costs).zip(&found).map(|((way, &cost), places)| {
         let (error, n) = loss(bench, places)?;
-        Ok(Point::new(way.words(), way.name, cost, error, n)
-            .default_if(way.is_default())
-            .failing(failures(bench, way)?))
+        point(bench, way, cost, error, n)
     });
     Ok(Facet {
         cost: Quantity::linear("Processor time of a record of the force", "\u{b5}s"),

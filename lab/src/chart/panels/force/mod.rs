@@ -84,11 +84,8 @@ fn against_truth(bench: &Bench, (name, title): (&str, &str), ways: &[Way], costs
         by_seed.iter_mut().zip(squares).for_each(|(by_seed, squares)| by_seed.push(squares.sqrt()));
     }
     let n = PULSES.len() * bench.size.pulses as usize * bench.size.seed_count as usize;
-    let points = ways.iter().zip(costs).zip(by_seed).map(|((way, &cost), by_seed)| {
-        Ok(Point::new(way.words(), way.name, cost, Error::mean_of(by_seed), n)
-            .default_if(way.is_default())
-            .failing(failures(bench, way)?))
-    });
+    let points = ways.iter().zip(costs).zip(by_seed);
+    let points = points.map(|((way, &cost), by_seed)| point(bench, way, cost, Error::mean_of(by_seed), n));
     Ok(Facet {
         cost: Quantity::linear("Processor time of a record of the force", "\u{b5}s"),
         error: Quantity::log("Error against the contact, rms", "%"),
@@ -98,6 +95,10 @@ fn against_truth(bench: &Bench, (name, title): (&str, &str), ways: &[Way], costs
         points: points.collect::<Result<_>>()?,
         ..bench.facet(name, title)
     })
+}
+
+fn point(bench: &Bench, way: &Way, cost: Cost, error: Error, n: usize) -> Result<Point> {
+    Ok(Point::new(way.words(), way.name, cost, error, n).default_if(way.is_default()).failing(failures(bench, way)?))
 }
 
 /// The limits that the estimator of `which`, F_max or tau, in `config` fails.
