@@ -177,7 +177,10 @@ impl Line {
     /// the errors of [`Rig::new`].
     pub fn new(population: &Population, seed: u64, tyres: &[Tyre], plan: &Plan) -> Result<Self, Error> {
         let recording = &plan.recording;
-        check(recording)?;
+        if recording.sample_format != SampleFormat::F32 || recording.channels != Channel::BOTH {
+            let what = format!("{:?} of the channels {:?}", recording.sample_format, recording.channels);
+            return Err(Error::Recording { what });
+        }
         let shoulder = |scan: &Scan| {
             let tyre = tyres.iter().find(|tyre| tyre.serial == scan.tyre);
             let tyre = tyre.ok_or_else(|| Error::Recording { what: format!("tyre {}", scan.tyre) })?;
@@ -219,16 +222,6 @@ impl Line {
         header.microphone_distance_m = self.rig.microphone_distance_m();
         header.sample_count = self.sample_count;
         header.channels = TapHeader::in_units(0.0, 0, 0, &Channel::BOTH).channels;
-    }
-}
-
-/// Refuses a recording that the simulator cannot make.
-fn check(recording: &Recording) -> Result<(), Error> {
-    let refuse = |what: &str| Err(Error::Recording { what: what.to_owned() });
-    match () {
-        () if recording.sample_format != SampleFormat::F32 => refuse("integer samples"),
-        () if recording.channels != Channel::BOTH => refuse("other channels"),
-        () => Ok(()),
     }
 }
 

@@ -46,21 +46,17 @@ pub fn simulate(
             let source = || PlateLine::new(&scene.population(), seed, &plated, &plan);
             by_reading(&plan, &scanned(source, || Reader::new(readings), Reader::read)?.1, readings.len())
         }
-        Simulator::Model => scan_model(&scan_of(shape, tyres, seed), &scene.model(shape), readings)?,
+        Simulator::Model => {
+            let simulation = SimulationConfig {
+                sample_rate_hz: shape.sample_rate_hz,
+                sample_count: plan.recording.sample_count_max,
+                pre_trigger_samples: shape.pre_trigger_samples,
+                ..scene.simulation()
+            };
+            scan_model(&scan_of(shape, tyres, seed), &simulation, readings)?
+        }
     };
     found.into_iter().map(|found| Set::new(tyres, shape, &plan, &found)).collect()
-}
-
-impl Scene {
-    /// The rig of `model` for the scene, with records as `shape` has them.
-    pub fn model(self, shape: &ScanShape) -> SimulationConfig {
-        SimulationConfig {
-            sample_rate_hz: shape.sample_rate_hz,
-            sample_count: (shape.record_s * shape.sample_rate_hz).round() as u32,
-            pre_trigger_samples: shape.pre_trigger_samples,
-            ..self.simulation()
-        }
-    }
 }
 
 /// The scan of `tyres` by `model`, with the taps of `shape`.
