@@ -67,19 +67,6 @@ const TYRES_MAX: usize = 10_000;
 /// Steps of a study that only use the first set: detection, false calls, gauge.
 const PARTS_OF_ONE_SET: usize = 3;
 
-/// A step of a study, as people see it.
-struct Step {
-    number: usize,
-    count: usize,
-}
-
-impl Step {
-    fn begin(&mut self, what: &str) {
-        self.number += 1;
-        say(&format!("step {} of {}: {what}", self.number, self.count));
-    }
-}
-
 #[derive(Debug)]
 struct Findings {
     sets: Vec<&'static str>,
@@ -122,20 +109,24 @@ impl Findings {
         let first = all.first().context("there is no set")?;
         let names: Vec<&'static str> = all.iter().map(|set| set.name).collect();
         let (mut candidates, mut alone) = (Vec::new(), Vec::new());
-        let mut step = Step { number: 0, count: all.len() + PARTS_OF_ONE_SET };
+        let (mut begun, count) = (0, all.len() + PARTS_OF_ONE_SET);
+        let mut begin = |what: &str| {
+            begun += 1;
+            say(&format!("step {begun} of {count}: {what}"));
+        };
         for (number, set) in (0..).zip(&all) {
-            step.begin(&format!("the set {}", set.name));
+            begin(&format!("the set {}", set.name));
             let (of_set, alone_of_set) = candidates::candidates(&Split::scan(set, number, size, seed)?)?;
             candidates.extend(of_set);
             alone.extend(alone_of_set);
         }
-        step.begin("probability of detection");
+        begin("probability of detection");
         let detection = detection::detection(first, size, seed)?;
         let mut about = Table::new("sets", "The simulated sets", ["set", "about"]);
         all.iter().for_each(|set| about.push([set.name.into(), set.about.into()]));
-        step.begin("false calls");
+        begin("false calls");
         let calls = false_calls::false_calls(first, size, seed)?;
-        step.begin("gauge study");
+        begin("gauge study");
         let gauge = gauge::gauge(first, size, seed)?;
         let of_sets = summary::of_sets(&candidates, &alone, &names, seed);
         let tables = vec![
