@@ -1,11 +1,12 @@
 //! A scan within one process, compared with the same scan by the processes of a line.
 
 #[path = "../../lab/src/in_memory.rs"]
+#[expect(dead_code, unreachable_pub, reason = "the lab, whose module it is, uses the rest of it")]
 mod scan;
 
 use scan::scanned;
 use serde::Deserialize;
-use tapline_acquire::ScanConfig;
+use tapline_acquire::{ScanConfig, SimulatedLine};
 use tapline_model::SimulationConfig;
 use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_store::Reader;
@@ -43,7 +44,8 @@ impl Config {
             let found = extractor.extract(header, samples);
             (!found.quality.contains(Quality::RETAKE)).then_some(found)
         };
-        scanned(&self.scan, &self.simulation, || Ok(ProcessExtractor::new(&self.process)?), read)
+        let source = || Ok(SimulatedLine::new(&self.scan, &self.simulation)?);
+        scanned(source, || Ok(ProcessExtractor::new(&self.process)?), read)
     }
 }
 
