@@ -186,7 +186,7 @@ impl VerdictRow<'_> {
     fn regions_deg(&self) -> Option<String> {
         let (_, regions) = self.judged.as_ref()?;
         let places = regions.iter().map(|region| Some(format!("{:.0} to {:.0}", region.start_deg?, region.end_deg?)));
-        Some(places.collect::<Option<Vec<_>>>()?.join(", ")).filter(|places| !places.is_empty())
+        Some(places.collect::<Option<Vec<_>>>()?.join("; ")).filter(|places| !places.is_empty())
     }
 }
 

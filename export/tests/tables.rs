@@ -70,7 +70,7 @@ fn tables_to_the_letter() {
          scatter_f_max,scatter_tau,scatter_a_1,scatter_a_2,scatter_pr,scatter_p_f,scatter_e_f,scatter_centroid,\
          level_f_max,level_tau,level_a_1,level_a_2,level_pr,level_p_f,level_e_f,level_centroid,\
          drift_f_max,drift_tau,drift_a_1,drift_a_2,drift_pr,drift_p_f,drift_e_f,drift_centroid\n\
-         A\u{e9}-1,1,1,1970-01-01 00:00:00,1970-01-01 00:00:00,REJECT,270 to 0,damage|self_reference,5,4,1,0,0,4e-9,5,1,2.5,4,8.5,,0.02,0.001,0.004,\
+         A\u{e9}-1,1,1,1969-12-31 23:59:59,1969-12-31 23:59:59,REJECT,270 to 0,damage|self_reference,5,4,1,0,0,4e-9,5,1,2.5,4,8.5,,0.02,0.001,0.004,\
          1,2,3,,5,6,7,8,,1.25,1.5,1.75,2,2.25,2.5,2.75,0.5,0.75,1,1.25,1.5,,2,2.25,0.01,0.02,,0.04,0.05,0.06,0.07,0.08\n\
          A\u{e9}-1,2,2,1970-01-01 00:00:00,1970-01-01 00:00:00,RE-INSPECT,,not_ended,5,4,0,1,0,2e-9,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,,\n"
     );

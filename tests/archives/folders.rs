@@ -143,7 +143,7 @@ fn a_damaged_file_among_many_is_named_and_the_others_are_done() {
     let mut bytes = fs::read(&path).unwrap();
     bytes.pop();
     fs::write(&path, bytes).unwrap();
-    let said = sandbox.run("verify out/SIM-0003.h5").expect(1).out;
+    let said = sandbox.run("verify out/SIM-0003.h5").expect(3).out;
     assert!(said.contains("its end was changed") && said.contains("; 1 problem\n"), "{said}");
     // The verb fails if it is the only file.
     sandbox.run("export out/SIM-0002.h5 verdicts").expect(1);

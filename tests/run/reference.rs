@@ -34,10 +34,9 @@ fn scanned() -> Sandbox {
 fn verdicts(sandbox: &Sandbox, archive: &str) -> Vec<(String, String, String)> {
     let files = finished(&sandbox.path(archive)).into_values();
     let texts = files.map(|file| sandbox.run(&format!("export {} verdicts", file.display())).expect(0).out);
-    let lines: Vec<String> =
-        texts.flat_map(|text| text.lines().skip(1).map(str::to_owned).collect::<Vec<_>>()).collect();
-    let rows = lines.iter().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
-    rows.map(|row| (format!("{}/{}", row[0], row[1]), row[3].clone(), row[4].clone())).collect()
+    let rows = texts.flat_map(|text| csv_rows(&text));
+    rows.map(|row| (format!("{}/{}", row["tyre"], row["shoulder"]), row["verdict"].clone(), row["reasons"].clone()))
+        .collect()
 }
 
 /// Catches one casing that was recorded differently and keeps a whole folder from being a reference.

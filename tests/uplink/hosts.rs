@@ -148,7 +148,7 @@ fn three_hosts_lose_nothing_on_the_way_to_a_centre() {
     until("all are there, and nothing else", || at_centre() == sent);
     assert_eq!(files(&sandbox.path("centre")).len() + files(&root).len(), casings, "each once");
     senders.into_iter().for_each(|mut sender| {
-        (0..8).for_each(|_| assert!(sender.line().starts_with("received ")));
+        (0..8).for_each(|_| assert!(sender.line().starts_with("delivered ")));
         drop(sender.interrupt().expect(0));
     });
     drop((collector.interrupt().expect(0), small.interrupt()));

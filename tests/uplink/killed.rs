@@ -86,7 +86,7 @@ fn a_receipt_whose_acknowledgement_is_lost_counts() {
     let cut = Cut::at(&server.address, "HPUB $KV.tapline-receipts.");
     let collector = Running::start(&sandbox, &format!("collect centre --from {}", cut.address));
     let sender = Running::start(&sandbox, &format!("uplink made --to {} --site a --once", server.address));
-    assert_eq!(sender.finish().expect(0).out.matches("received ").count(), 1);
+    assert_eq!(sender.finish().expect(0).out.matches("delivered ").count(), 1);
     until("the file is in its place", || files(&sandbox.path("centre/a")) == made);
     assert!(cut.is_done());
     assert_eq!(collector.interrupt().expect(0).out.matches("received ").count(), 1);
@@ -123,7 +123,7 @@ fn what_a_server_has_lost_is_sent_again() {
     server.restart();
     let sender = Running::start(&sandbox, &format!("{to} --once"));
     let collector = Running::start(&sandbox, &from);
-    assert_eq!(sender.finish().expect(0).out.matches("received ").count(), 4);
+    assert_eq!(sender.finish().expect(0).out.matches("delivered ").count(), 4);
     drop(collector.interrupt().expect(0));
     assert!(centre() == made);
     assert_eq!(written("C2.h5"), before);

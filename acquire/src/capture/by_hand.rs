@@ -189,7 +189,7 @@ fn place_of(tap: &PlannedTap) -> String {
 
 #[cfg(test)]
 mod tests {
-    use tapline_wire::cache_lines_for;
+    use tapline_wire::{OVER, cache_lines_for};
 
     use super::*;
     use crate::capture::fake::{Cable, Step, config, frames, frames_of, record};
@@ -274,7 +274,8 @@ mod tests {
             }
             // What is tapped from now on is another casing's.
             assert!(is_tap(&mut casing(&mut station), 0, 5000));
-            assert_eq!(cable.ear.take_alarms().len(), 1);
+            let alarms = cable.ear.take_alarms();
+            assert_eq!(alarms.iter().filter(|alarm| !alarm.starts_with(OVER)).count(), 1, "{alarms:?}");
         }
     }
 }

@@ -91,7 +91,7 @@ fn what_others_have_put_there_is_refused_and_left_as_it_is() {
     fs::remove_file(&lock).unwrap();
     set_mode(&dear, 0o600);
     fs::hard_link(&dear, &lock).unwrap();
-    assert!(refused(&out).contains("2 names"));
+    assert!(refused(&out).contains("links 2"));
     fs::remove_file(&lock).unwrap();
     rustix::fs::mknodat(CWD, &lock, FileType::Fifo, Mode::RUSR | Mode::WUSR, 0).unwrap();
     assert!(refused(&out).contains("not made by a line"));

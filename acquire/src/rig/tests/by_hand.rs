@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use tapline_wire::OVER;
+
 use super::*;
 
 /// Catches words that are not those of `docs/rig-protocol.md`, and a tap that begins anew although it is there.
@@ -214,7 +216,7 @@ fn a_rig_that_never_does_what_it_is_told_is_an_alarm() {
     // Catches a rig that connects anew and homes, and does not move, or does not home: for ever, and nobody is told; an alarm
     // for each time, and one of a rig that answers in between.
     let (listener, mut bench) = by_hand(30.0);
-    let (mut alarms, mut away_count) = (Vec::new(), 0);
+    let (mut alarms, mut away_count, mut over_count) = (Vec::new(), 0, 0);
     let mut casing = None;
     // Whether it answers `home` and `move` before it is gone.
     let times =
@@ -239,12 +241,13 @@ fn a_rig_that_never_does_what_it_is_told_is_an_alarm() {
         bench.until(|waits_for| waits_for.contains("which went away"));
         let all = bench.alarms();
         let (away, other): (Vec<_>, Vec<_>) =
-            all.into_iter().partition(|alarm| alarm.starts_with("casing T: the connection to the rig is lost: "));
+            all.into_iter().partition(|alarm| alarm.contains("casing T: the connection to the rig is lost: "));
+        over_count += away.iter().filter(|alarm| alarm.starts_with(OVER)).count();
         away_count += away.len();
         alarms.push(other);
     }
-    // No tap was made: that is told once.
-    assert_eq!(away_count, 1);
+    // No tap was made: that is told once, and that it is over.
+    assert_eq!((away_count, over_count), (2, 1));
     let told = |what: &str, command: &str| {
         vec![format!("the rig does not {what}: it was sent {command:?} 3 times in a row and has not answered")]
     };

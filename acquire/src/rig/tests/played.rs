@@ -107,7 +107,7 @@ fn a_rig_that_is_stopped_makes_its_taps_when_it_goes_on() {
     let mut bench = Bench::new(address, 30.0, 0);
     let went = bench.scan_one();
     assert_eq!((went.taps, went.refused, went.gone), (7, 0, None));
-    assert_eq!(bench.alarms(), ["the rig is stopped: emergency stop"]);
+    assert_eq!(bench.alarms(), ["the rig is stopped: emergency stop", "over: the rig is stopped: emergency stop"]);
     let report = played.unwrap().join().unwrap();
     assert_eq!((report.stopped, report.closed, report.homed), (1, 1, 2));
 }
