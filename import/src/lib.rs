@@ -333,7 +333,7 @@ impl<'a> Set<'a> {
             remarks.extend(unit.as_deref().map(|unit| (key, unit)));
         }
         self.writer.describe(self.config.geometry, &self.recording(), &remarks)?;
-        // What its reader does not take is no tap set.
+        // A set of which its reader can use no tap is none.
         drop(TapSet::open(self.writer.folder(), 1)?);
         self.writer.finish()?;
         Ok(self.imported)

@@ -114,8 +114,8 @@ pub(crate) enum Verb {
     /// Check that archives hold every planned tap, that no tap or result in them was altered, and that they do not
     /// contradict themselves.
     ///
-    /// Every sample is read and every checksum compared. Prints each problem on a line. Ends with code 3 if there is one, or
-    /// if a folder has unfinished archives.
+    /// Every sample is read and every checksum compared. Prints each problem on a line. Ends with code 1 if something was altered or
+    /// cannot be read, with 3 if taps or verdicts are missing, or a folder has unfinished archives.
     Verify {
         /// Archives, or folders of them.
         #[arg(required = true)]

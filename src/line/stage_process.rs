@@ -92,7 +92,8 @@ impl StageProcess {
         self.child = Some(child);
         self.is_killed.set(false);
         self.heard.1 = Instant::now();
-        (self.has_begun, self.is_silent) = (false, false);
+        // Whether it is silent is known when it answers.
+        self.has_begun = false;
         Ok(())
     }
 

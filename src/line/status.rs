@@ -145,15 +145,22 @@ fn text(status: &Status) -> String {
     }
     for verdict in &status.verdicts {
         text.push_str(&format!(
-            "\n  {}  {:<10} {}, station {}",
+            "\n  {}  {:<10} station {}  {}",
             moment(verdict.at_ns),
             verdict.verdict.to_string(),
-            verdict.casing,
-            verdict.station
+            verdict.station,
+            verdict.file.strip_prefix(&status.out).unwrap_or(&verdict.file).display()
         ));
         for shoulder in verdict.shoulders.iter().filter(|shoulder| shoulder.verdict != Verdict::Pass) {
-            let why = if shoulder.arcs.is_empty() { shoulder.why(", ", &["extrapolated"]) } else { shoulder.places() };
-            text.push_str(&format!("\n    {}/{} {}: {why}", shoulder.tyre, shoulder.shoulder, shoulder.verdict));
+            let why = shoulder.why(", ", &["extrapolated"]);
+            let words = [shoulder.places(), why].into_iter().filter(|words| !words.is_empty()).collect::<Vec<_>>();
+            text.push_str(&format!(
+                "\n    {}/{} {}  {}",
+                shoulder.tyre,
+                shoulder.shoulder,
+                shoulder.verdict,
+                words.join(", ")
+            ));
         }
     }
     text

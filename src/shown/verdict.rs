@@ -155,10 +155,11 @@ impl CasingVerdict {
                 "  strongest arc {arc:.2}, re-inspect from {re_inspect:.2}, reject from {reject:.2}"
             ));
         }
-        if shoulder.arcs.is_empty() {
-            shoulder.peak_location.iter().for_each(|at| line.push_str(&format!(", most at location {at}")));
-        } else {
+        if !shoulder.arcs.is_empty() {
             line.push_str(&format!(", damage at {}", shoulder.places()));
+        }
+        if let Some(at) = shoulder.peak_location {
+            line.push_str(&format!(", most at location {at}"));
         }
         if !reasons.is_empty() {
             line.push_str(&format!("  ({reasons})"));

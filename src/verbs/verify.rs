@@ -23,8 +23,8 @@ pub(crate) fn verify(paths: &[PathBuf], as_json: bool) -> Result<bool> {
         progress.begin(file);
         match outcome.take(file, check(&file.path, as_json, &mut progress))? {
             Some(Found::Complete) => {}
-            Some(Found::Incomplete) | None => incomplete += 1,
-            Some(Found::Damaged) => damaged += 1,
+            Some(Found::Incomplete) => incomplete += 1,
+            Some(Found::Damaged) | None => damaged += 1,
         }
     }
     drop(progress);
@@ -32,9 +32,9 @@ pub(crate) fn verify(paths: &[PathBuf], as_json: bool) -> Result<bool> {
     if archives.is_many {
         sum_up(&archives, incomplete, damaged, as_json)?;
     }
+    let is_complete = outcome.end()?;
     ensure!(damaged == 0, "{} altered or unreadable", counted(damaged, "archive is", "archives are"));
-    // An archive that cannot be opened is incomplete, even if none can be.
-    Ok(outcome.end().unwrap_or(false))
+    Ok(is_complete)
 }
 
 /// What an archive is.

@@ -105,8 +105,7 @@ impl Now {
             if let Some(station) = state.stations.get_mut(&shown.number) {
                 station.is_busy = shown.casing.is_some();
                 station.has_fault = shown.fault.is_some();
-                let is_over = station.is_busy || station.has_fault;
-                station.verdict.take_if(|(at, _)| is_over || at.elapsed() > STANDS_FOR);
+                station.verdict.take_if(|(at, _)| shown.casing.is_some() || at.elapsed() > STANDS_FOR);
             }
         }
     }
@@ -187,6 +186,9 @@ mod tests {
         assert!(matches!(now.at(1), (StationState::Judged(_), 1)));
         now.show(&shown, true);
         assert_eq!((now.at(1), now.latest()), ((StationState::NoSignal, 0), None));
+        let away = [StationStatus { fault: Some("the rig is away".to_owned()), ..shown[0].clone() }];
+        now.show(&away, false);
+        assert_eq!(now.at(1), (StationState::NoSignal, 1), "its rig is away");
         now.show(&shown, false);
         assert!(matches!(now.at(1), (StationState::Judged(_), 1)));
         now.end();

@@ -95,7 +95,7 @@ impl CaptureConfig {
         within("capture.sample_count", self.sample_count, 64..=4_000_000)?;
         within("capture.pre_trigger_samples", self.pre_trigger_samples, 16..=self.sample_count - 16)?;
         if let Some(distance_m) = self.microphone_distance_m.filter(|m| !(*m > 0.0 && *m <= 10.0)) {
-            return refuse("capture.microphone_distance_m", distance_m, "above 0 and at most 1000, or left out");
+            return refuse("capture.microphone_distance_m", distance_m, "above 0 and at most 10, or left out");
         }
         within("capture.buffer_s", self.buffer_s, 0.1..=600.0)?;
         if ![1.0, 10.0].contains(&self.uldaq.range_v) {

@@ -18,7 +18,7 @@ pub const SAMPLE_RATE_HZ_MAX: f64 = 5e8;
 pub(crate) type FullScale = (f64, Unit);
 
 /// Largest distance of the microphone in m.
-pub(crate) const MICROPHONE_DISTANCE_M_MAX: f64 = 1e3;
+pub(crate) const MICROPHONE_DISTANCE_M_MAX: f64 = 10.0;
 
 /// What all taps of a set have in common.
 #[derive(Debug, Clone, PartialEq)]

@@ -350,7 +350,7 @@ mod tests {
             ("a.wav,T,1,,,0,0,0,,,,,0,,,,", "force_full_scale_n is \"0\"; it must be a number above 0"),
             ("a.wav,T,1,,,0,0,0,,,,,,nan,,,", "sound_full_scale_v is \"nan\""),
             ("a.wav,T,1,,,0,0,0,,,,,,,-2,,", "sound_full_scale_pa is \"-2\""),
-            ("a.wav,T,1,,,0,0,0,,,,,,,,-1,", "microphone_distance_m is \"-1\"; it must be a number from 0 to 1000"),
+            ("a.wav,T,1,,,0,0,0,,,,,,,,-1,", "microphone_distance_m is \"-1\"; it must be a number from 0 to 10"),
         ] {
             let error = parsed(row).unwrap_err().to_string();
             assert!(error.contains(want), "{error:?} lacks {want:?}");

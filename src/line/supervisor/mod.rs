@@ -10,6 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
+use tapline_host::messages::counted;
 use tapline_host::progress::Progress;
 use tapline_wire::{
     CasingHeader, CasingTopic, Ledger, Line, LineAddress, OVER, Publisher, Received, RecordKind, Stamp, StatusTopic,
@@ -352,8 +353,8 @@ impl<'a> Supervisor<'a> {
     /// Adds an alarm. What is over marks the alarm that began it, if that is still shown, and is no news of its own.
     fn alarm(&mut self, text: String) {
         if let Some(begun) = text.strip_prefix(OVER) {
-            if let Some(alarm) = self.shown.alarms.iter_mut().find(|alarm| alarm.text == begun) {
-                alarm.text = text;
+            for alarm in self.shown.alarms.iter_mut().filter(|alarm| alarm.text == begun) {
+                alarm.text.clone_from(&text);
                 self.is_news = true;
             }
             return;
@@ -442,7 +443,7 @@ impl<'a> Supervisor<'a> {
             .collect();
         if faults.len() > FAULTS_MAX {
             let others = faults.split_off(FAULTS_MAX).len();
-            faults.push(format!("{others} other stations have faults too"));
+            faults.push(format!("{} too", counted(others, "other station has a fault", "other stations have faults")));
         }
         of_line.chain(self.stages.troubles()).chain(of_wires).chain(of_receivers).chain(faults).collect()
     }

@@ -239,7 +239,7 @@ mod tests {
             }
         }
         assert!(damaged > 1000, "{damaged}");
-        assert_eq!(index(&file, header, 301, 3).unwrap().chunks[300], None, "a row lacks");
+        assert_eq!(index(&file, header, 301, 3).unwrap().chunks[300], None, "a row has no chunk");
         assert_eq!(index(&file, header, 299, 3), None, "a row is beyond");
         assert_eq!(index(&file, header, 300, 2), None);
         assert_eq!(index(&file, bytes, 300, 3), None);

@@ -169,7 +169,7 @@ impl Topic for ProposalTopic {
     }
 }
 
-/// What stations wait for, their alarms, and, as refusals, casings that are not judged: `acquire` to the supervisor. The mark of a
+/// What stations wait for, their faults and alarms, and, as refusals, casings that are not judged: `acquire` to the supervisor. The mark of a
 /// record is its station.
 #[derive(Debug)]
 pub struct WaitTopic;

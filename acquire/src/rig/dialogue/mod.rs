@@ -60,7 +60,7 @@ pub(crate) struct Dialogue {
     last_end: LastEnd,
     /// When the rig disconnected with the current casing on it.
     away_since: Option<Instant>,
-    /// The alarm that said so, until the rig is back.
+    /// The alarm that said so, until the rig makes a tap again, or is back without a casing.
     away_alarm: Option<String>,
     last_received: Option<Instant>,
     /// When a rig at a port was last asked who it is.
@@ -213,6 +213,13 @@ impl Dialogue {
     fn end_stop(&mut self) {
         if let Some(why) = self.stopped.take() {
             self.alarm(format!("{OVER}{}", stopped(&why)));
+        }
+    }
+
+    /// Notes that a rig that was away makes taps again.
+    fn end_away(&mut self) {
+        if let Some(text) = self.away_alarm.take() {
+            self.alarm(format!("{OVER}{text}"));
         }
     }
 

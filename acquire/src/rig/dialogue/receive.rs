@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use tapline_wire::{OVER, RecordKind, Serial, now_ns};
+use tapline_wire::{RecordKind, Serial, now_ns};
 
 use super::{Command, Current, Dialogue, Hit, RigConfig, Step, Tap, stopped};
 use crate::rig::protocol::{RigMessage, UNKNOWN, VELOCITY_MAX_M_PER_S, VERSION, one_line};
@@ -87,7 +87,10 @@ impl Dialogue {
             RigMessage::Stopped(why) => {
                 let RigConfig { station, address, .. } = &self.config;
                 tracing::warn!("station {station}: the rig at {address} is stopped: {why}");
-                self.alarm(stopped(&why));
+                if self.stopped.as_ref() != Some(&why) {
+                    self.end_stop();
+                    self.alarm(stopped(&why));
+                }
                 // The pending command was not done: it is sent again when the rig continues.
                 if let Some(pending) = self.pending.take_if(|pending| pending.command != Command::Ping)
                     && let Some(current) = self.begun(pending.casing)
@@ -131,8 +134,8 @@ impl Dialogue {
                 }
                 self.rig_name = Some(name);
                 self.fault = None;
-                if let Some(text) = self.away_alarm.take() {
-                    self.alarm(format!("{OVER}{text}"));
+                if self.current.is_none() {
+                    self.end_away();
                 }
                 Ok(true)
             }
@@ -208,7 +211,10 @@ impl Dialogue {
             && let Step::Begun(tap) = current.step
         {
             current.step = next(tap);
-            current.is_away_told &= !matches!(current.step, Step::Hit(..));
+            if matches!(current.step, Step::Hit(..)) {
+                current.is_away_told = false;
+                self.end_away();
+            }
         }
     }
 

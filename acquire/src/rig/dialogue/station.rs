@@ -102,6 +102,7 @@ impl Dialogue {
         }
         self.last_end.set(current.serial, line, is_sent);
         self.away_since = None;
+        self.end_away();
     }
 
     /// The messages since the last call.
@@ -109,17 +110,10 @@ impl Dialogue {
         std::mem::take(&mut self.messages)
     }
 
-    /// Why the rig takes no commands, as text for people; `None` while it does.
+    /// Why there is no connection to the rig, as text for people; `None` while there is one.
     pub(crate) fn fault(&self) -> Option<String> {
-        let address = &self.config.address;
-        match (&self.rig_name, &self.stopped) {
-            (None, _) => {
-                let why = self.fault.as_ref()?;
-                Some(format!("there is no connection to the rig at {address}: {why}"))
-            }
-            (Some(_), Some(why)) => Some(format!("the rig at {address} is stopped: {why}")),
-            (Some(_), None) => None,
-        }
+        let why = self.fault.as_deref().unwrap_or("it has not answered yet");
+        self.rig_name.is_none().then(|| format!("there is no connection to the rig at {}: {why}", self.config.address))
     }
 
     /// What the station is waiting for, as text for people.
