@@ -36,6 +36,7 @@ pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> 
         print(&if as_json { format!("{}\n", json!({ "alone": path })) } else { format!("{path}: without a partner\n") })
     };
     let mut progress = ArchiveProgress::new(&befores);
+    let (mut compared_count, mut changed) = (0, Vec::new());
     for file in &befores.files {
         progress.begin(file);
         let Some(other) = partners.remove(&key(file)) else {
@@ -44,6 +45,9 @@ pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> 
             continue;
         };
         let Some(difference) = outcome.take(file, Difference::between(&file.path, &other.path))? else { continue };
+        compared_count += 1;
+        let of_verdicts = difference.shoulders.iter().filter_map(ShoulderDifference::verdict_change);
+        changed.extend(of_verdicts.map(|change| format!("{}: {change}\n", file.path.display())));
         let text = match as_json {
             true => line_of(&difference)?,
             false => format!("{} -> {}\n{difference}", file.path.display(), other.path.display()),
@@ -54,6 +58,11 @@ pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> 
     for file in partners.values() {
         alone(file)?;
         outcome.note(false);
+    }
+    if !as_json {
+        let casings = counted(compared_count, "casing", "casings");
+        let verdicts = counted(changed.len(), "verdict differs", "verdicts differ");
+        print(&format!("{casings} compared: {verdicts}\n{}", changed.concat()))?;
     }
     outcome.end()
 }
@@ -117,6 +126,15 @@ struct ShoulderDifference {
     locations_absent: usize,
     /// Largest difference of the others.
     index_max: Option<f64>,
+}
+
+impl ShoulderDifference {
+    /// How its verdict changed, for people; `None` if it did not.
+    fn verdict_change(&self) -> Option<String> {
+        let word = |verdict: &Option<String>| verdict.clone().unwrap_or_else(|| "not judged".to_owned());
+        let (before, after) = (word(&self.verdict_before), word(&self.verdict_after));
+        (before != after).then(|| format!("{} {before} -> {after}", self.shoulder))
+    }
 }
 
 impl Difference {

@@ -165,6 +165,10 @@ fn results_are_taken_when_they_are_asked_for() {
     assert!(sandbox.run("verify out").expect(0).out.contains("6 archives: 6 complete"));
     let changed = sandbox.run("diff out out --results").expect(0).out;
     assert!(changed.contains("fuse.reference: \"self\" -> \"a file\"") && !changed.contains("partner"), "{changed}");
+    let (before, lines) = (csv_rows(&before), changed.lines().rev().take_while(|line| !line.contains(" compared: ")));
+    let verdicts_differ = before.iter().zip(&after).filter(|(before, after)| before["verdict"] != after["verdict"]);
+    assert_eq!(lines.filter(|line| line.contains(" -> ")).count(), verdicts_differ.count(), "{changed}");
+    assert!(changed.contains("\n3 casings compared: "), "{changed}");
     let said = sandbox.run("explain out --shoulder SIM-0003/1 --results").expect(0).out;
     assert!(said.starts_with("out/SIM-0003.") && said.matches("lineage").count() == 1, "{said}");
     // Those that are asked for again are the newest again.
