@@ -324,7 +324,8 @@ impl fmt::Display for ShoulderDifference {
 mod tests {
     use super::*;
 
-    /// Catches an index that only one archive has and that is left out, called the same, or printed as a number.
+    /// Catches an index that only one archive has and that is left out, called the same, or printed as a number; and a verdict that
+    /// differs unnoticed.
     #[test]
     fn an_index_in_one_archive_alone_is_counted() {
         let of = |locations_differ, locations_absent, index_max| ShoulderDifference {
@@ -346,6 +347,11 @@ mod tests {
         ] {
             assert!(difference.to_string().ends_with(words), "{difference}");
         }
+        let rejected = ShoulderDifference { verdict_after: Some("REJECT".to_owned()), ..of(0, 0, None) };
+        assert_eq!(rejected.verdict_change().as_deref(), Some("T/1 PASS -> REJECT"));
+        let unjudged = ShoulderDifference { verdict_before: None, ..of(0, 0, None) };
+        assert_eq!(unjudged.verdict_change().as_deref(), Some("T/1 not judged -> PASS"));
+        assert_eq!(of(9, 0, Some(2.375)).verdict_change(), None);
         let indices = [(0.0, 0.5), (f64::NAN, 1.0), (2.0, 2.0), (f64::NAN, f64::NAN)];
         assert_eq!(index_differences(indices.into_iter()), (2, 1, Some(0.5)));
     }
