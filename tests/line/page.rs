@@ -221,6 +221,7 @@ fn the_health_is_that_of_the_line() {
     let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json --serve 127.0.0.1:0");
     let address = address_of(&mut line);
     let health = || ask(&address, "/healthz", "");
+    let alarms = || sandbox.run("status --out out --json").json(0)["alarms"].to_string();
     until("the line is well", || health().code == 200);
     until("a casing is under way", || sandbox.run("status --out out --json").out.contains("\"archived\":2"));
     for name in ["store", "fuse", "process", "acquire-0"] {
@@ -230,10 +231,14 @@ fn the_health_is_that_of_the_line() {
         assert!(health().body.contains(&format!("{name} does not answer")), "{:?}", health());
         signal(process, Signal::CONT);
         until("the stage is back", || health().code == 200);
-        let alarms = sandbox.run("status --out out --json").json(0)["alarms"].to_string();
+        let alarms = alarms();
         assert!(alarms.contains(&format!("\"over: {name} does not answer")), "{alarms}");
         assert!(!alarms.contains(&format!("\"{name} does not answer")), "{alarms}");
     }
+    // One that hangs and is killed answers again as well.
+    let fuse = stage(line.child(), "fuse");
+    signal(fuse, Signal::STOP);
+    until("fuse is missed again", || alarms().contains("\"fuse does not answer"));
     for count in 1..=3 {
         let fuse = stage(line.child(), "fuse");
         signal(fuse, Signal::KILL);
@@ -244,6 +249,7 @@ fn the_health_is_that_of_the_line() {
     }
     let ill = health();
     assert!(ill.code == 503 && ill.body.contains("fuse was started again 3 times"), "{ill:?}");
+    until("no alarm says that it hangs", || !alarms().contains("\"fuse does not answer"));
     line.interrupt().expect(0);
 }
 
