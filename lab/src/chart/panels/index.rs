@@ -114,8 +114,9 @@ pub(super) fn measure(bench: &Bench) -> Result<Panel> {
         "Which index rates a place, and which rule a shoulder?",
         "Which index ranks locations best, which rule finds the cracked shoulders, and what do they cost?",
         [
-            "One turn at each of four offsets, by the reference of the panel `plans`. The cost is that of taking in a casing's \
-             discriminators, comparing, and judging both shoulders; fitting the reference is not in it.",
+            "One turn at each of four offsets, or at 0 mm alone, as the default scan has it, by the reference of the panel `plans`. \
+             The cost is that of taking in a casing's discriminators, comparing, and judging both shoulders; fitting the reference \
+             is not in it.",
             "Ring rules: the strongest arc of 1 to 20 neighbours, which verdicts rest on, and the largest damage index, which is of \
              three neighbours. Both cost the same work. A limit is set so that 5 % of the sound shoulders reach it; what is \
              missed then does not depend on stated rates.",
@@ -165,7 +166,7 @@ fn point(bench: &Bench, rule: Rule, cost: Cost, inspected: &[Inspected]) -> Resu
     let (error, n) = loss(bench, &locations_of(inspected))?;
     Ok(Point::new(rule.name(), rule.label(), cost, error, n)
         .family(usize::from(matches!(rule, Rule::Alone(_))))
-        .default_if(rule == Rule::Index(IndexKind::default())))
+        .default_if(rule == Rule::EdgeAlone(IndexKind::default())))
 }
 
 /// A rule that reduces a ring to one number: its label, its name in a table, the number, and its family.
@@ -207,7 +208,7 @@ fn ring_points(bench: &Bench, rule: Rule, cost: Cost, inspected: &[Inspected]) -
             all.count(true),
         )
         .family(family)
-        .default_if(rule == Rule::Index(IndexKind::default()) && family == 0)
+        .default_if(rule == Rule::EdgeAlone(IndexKind::default()) && family == 0)
     };
     rules.into_iter().map(point).collect()
 }
