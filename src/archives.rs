@@ -6,10 +6,9 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
-use tapline_store::{Folder, archive_of};
-
 use tapline_host::messages::print_line;
 use tapline_host::progress::{Progress, Unit};
+use tapline_store::{Folder, Reader, archive_of};
 
 /// Which files of a folder a verb takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -157,19 +156,34 @@ fn and_unfinished(count: usize) -> String {
     }
 }
 
-/// Progress of a verb that reads archives, by their bytes.
+/// Work on archives, one after another: how far it has come, by their bytes, and how many have failed. One that fails is named, and
+/// the others are still done.
 #[derive(Debug)]
-pub(crate) struct ArchiveProgress {
+pub(crate) struct Work {
+    is_many: bool,
+    /// Number of archives.
+    count: usize,
+    failed: usize,
+    is_complete: bool,
     progress: Progress,
     /// Bytes of the archives that are done, and of the one that is under way.
     done_bytes: u64,
     bytes: u64,
 }
 
-impl ArchiveProgress {
-    pub(crate) fn new(archives: &Archives) -> Self {
+impl Work {
+    /// Work on these `archives`.
+    pub(crate) fn on(archives: &Archives) -> Self {
         let total = archives.files.iter().map(ArchiveFile::bytes).sum();
-        Self { progress: Progress::new(Some(total), Unit::Bytes), done_bytes: 0, bytes: 0 }
+        Self {
+            is_many: archives.is_many,
+            count: archives.files.len(),
+            failed: 0,
+            is_complete: true,
+            progress: Progress::new(Some(total), Unit::Bytes),
+            done_bytes: 0,
+            bytes: 0,
+        }
     }
 
     /// Notes that `file` comes next.
@@ -191,25 +205,13 @@ impl ArchiveProgress {
         self.progress.update(self.done_bytes + of_file);
     }
 
-    /// Has `write` write something else to the terminal.
-    pub(crate) fn beside<R>(&self, write: impl FnOnce() -> R) -> R {
-        self.progress.beside(write)
-    }
-}
-
-/// The outcome over many files: a file that fails is named, and the others are still done.
-#[derive(Debug)]
-pub(crate) struct Outcome {
-    is_many: bool,
-    /// Number of files.
-    count: usize,
-    failed: usize,
-    is_complete: bool,
-}
-
-impl Outcome {
-    pub(crate) fn new(archives: &Archives) -> Self {
-        Self { is_many: archives.is_many, count: archives.files.len(), failed: 0, is_complete: true }
+    /// Begins `file` and opens it; as [`Work::take`].
+    ///
+    /// # Errors
+    /// As [`Work::take`].
+    pub(crate) fn open(&mut self, file: &ArchiveFile) -> Result<Option<Reader>> {
+        self.begin(file);
+        self.take(file, Reader::open(&file.path))
     }
 
     /// The result for `file`; `None` if it failed, after printing why.
@@ -230,8 +232,14 @@ impl Outcome {
         }
         self.failed += 1;
         let (path, why) = (file.path.display().to_string(), tapline_host::messages::with_causes(error.as_ref()));
-        print_line(&if why.contains(&path) { format!("tapline: {why}") } else { format!("tapline: {path}: {why}") });
+        let text = if why.contains(&path) { format!("tapline: {why}") } else { format!("tapline: {path}: {why}") };
+        self.beside(|| print_line(&text));
         Ok(None)
+    }
+
+    /// Has `write` write something else to the terminal.
+    pub(crate) fn beside<R>(&self, write: impl FnOnce() -> R) -> R {
+        self.progress.beside(write)
     }
 
     /// Whether a file has failed.
@@ -244,12 +252,13 @@ impl Outcome {
         self.is_complete &= is_complete;
     }
 
-    /// Whether all files were done, and each was complete.
+    /// Ends the work; whether all files were done, and each was complete.
     ///
     /// # Errors
     /// That none was done.
     pub(crate) fn end(self) -> Result<bool> {
-        let Self { count, failed, is_complete, .. } = self;
+        let Self { count, failed, is_complete, progress, .. } = self;
+        progress.finish();
         if failed > 0 && failed == count {
             bail!("none of {count} archives could be processed");
         }

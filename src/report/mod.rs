@@ -11,9 +11,8 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use serde_json::json;
 use tapline_host::atomic_file::{check_folder, write_atomically};
-use tapline_store::Reader;
 
-use crate::archives::{ArchiveProgress, Archives, Outcome};
+use crate::archives::{Archives, Work};
 use crate::cli::archives::ReportArgs;
 use crate::config::Config;
 use crate::config::reference::KeptReferences;
@@ -30,13 +29,11 @@ pub(crate) fn report(args: &ReportArgs) -> Result<bool> {
     let archives = Archives::find(&args.archives, args.results.which())?;
     let folder = args.out.clone().unwrap_or_else(|| default_folder(&args.archives[0]));
     check_folder(&folder, args.force.existing())?;
-    let mut outcome = Outcome::new(&archives);
-    let mut progress = ArchiveProgress::new(&archives);
+    let mut work = Work::on(&archives);
     let (mut shift, mut names, mut references) = (Shift::default(), BTreeSet::new(), KeptReferences::default());
     for file in &archives.files {
-        progress.begin(file);
-        let Some(reader) = outcome.take(file, Reader::open(&file.path))? else { continue };
-        let Some(mut evidence) = outcome.take(file, Evidence::read(&reader, &mut references))? else { continue };
+        let Some(reader) = work.open(file)? else { continue };
+        let Some(mut evidence) = work.take(file, Evidence::read(&reader, &mut references))? else { continue };
         if let Some(printed) = &printed {
             evidence.config.report.clone_from(printed);
         }
@@ -44,17 +41,16 @@ pub(crate) fn report(args: &ReportArgs) -> Result<bool> {
         // If one of its pages cannot be made, the archive is left out of the shift too.
         let pages =
             evidence.tyres.iter().map(|tyre| pages::tyre::page(&reader, &evidence, tyre)).collect::<Result<Vec<_>>>();
-        let Some(pages) = outcome.take(file, pages)? else { continue };
-        let Some(()) = outcome.take(file, shift.look_at(&reader, &evidence))? else { continue };
+        let Some(pages) = work.take(file, pages)? else { continue };
+        let Some(()) = work.take(file, shift.look_at(&reader, &evidence))? else { continue };
         for (tyre, page) in evidence.tyres.iter().zip(pages) {
             let name = name_for(&mut names, tyre, &file.casing());
-            progress.beside(|| put(&folder, &name, &page, args))?;
+            work.beside(|| put(&folder, &name, &page, args))?;
             shift.add_page(name);
         }
         shift.add_tyres(evidence);
     }
-    drop(progress);
-    let is_complete = outcome.end()?;
+    let is_complete = work.end()?;
     // Last, because it links to the others.
     let title = if archives.is_many { title_of(&args.archives) } else { String::new() };
     if let Some(page) = shift.page(title, args.shift.as_deref())? {

@@ -11,7 +11,7 @@ use tapline_host::messages::counted;
 use tapline_store::{Judged, Reader, lineage_changes};
 use tapline_wire::{Discriminator, Discriminators, Plan, Recording, Scan, TapId, Verdict};
 
-use crate::archives::{ArchiveFile, ArchiveProgress, Archives, Outcome, Which};
+use crate::archives::{ArchiveFile, Archives, Which, Work};
 use crate::verbs::explain::print;
 
 /// Prints what changed from the results at `before` to those at `after`: lineage first, then numbers. The casings of two folders
@@ -30,21 +30,21 @@ pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> 
     }
     let key = |file: &ArchiveFile| if are_folders { file.archive() } else { PathBuf::from(file.casing()) };
     let mut partners: BTreeMap<PathBuf, &ArchiveFile> = afters.files.iter().map(|file| (key(file), file)).collect();
-    let mut outcome = Outcome::new(&Archives { is_many: true, ..befores.clone() });
     let alone = |file: &ArchiveFile| {
         let path = file.path.display().to_string();
         print(&if as_json { format!("{}\n", json!({ "alone": path })) } else { format!("{path}: without a partner\n") })
     };
-    let mut progress = ArchiveProgress::new(&befores);
+    befores.is_many = true;
+    let mut work = Work::on(&befores);
     let (mut compared_count, mut changed) = (0, Vec::new());
     for file in &befores.files {
-        progress.begin(file);
+        work.begin(file);
         let Some(other) = partners.remove(&key(file)) else {
-            alone(file)?;
-            outcome.note(false);
+            work.beside(|| alone(file))?;
+            work.note(false);
             continue;
         };
-        let Some(difference) = outcome.take(file, Difference::between(&file.path, &other.path))? else { continue };
+        let Some(difference) = work.take(file, Difference::between(&file.path, &other.path))? else { continue };
         compared_count += 1;
         let of_verdicts = difference.shoulders.iter().filter_map(ShoulderDifference::verdict_change);
         changed.extend(of_verdicts.map(|change| format!("{}: {change}\n", file.path.display())));
@@ -52,19 +52,18 @@ pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> 
             true => line_of(&difference)?,
             false => format!("{} -> {}\n{difference}", file.path.display(), other.path.display()),
         };
-        progress.beside(|| print(&text))?;
+        work.beside(|| print(&text))?;
     }
-    drop(progress);
     for file in partners.values() {
-        alone(file)?;
-        outcome.note(false);
+        work.beside(|| alone(file))?;
+        work.note(false);
     }
     if !as_json {
         let casings = counted(compared_count, "casing", "casings");
         let verdicts = counted(changed.len(), "verdict differs", "verdicts differ");
-        print(&format!("{casings} compared: {verdicts}\n{}", changed.concat()))?;
+        work.beside(|| print(&format!("{casings} compared: {verdicts}\n{}", changed.concat())))?;
     }
-    outcome.end()
+    work.end()
 }
 
 /// Leaves in the one that is a folder only the casing with the name of the other, which is a file.

@@ -13,7 +13,7 @@ use tapline_host::table::{break_between_words, table};
 use tapline_store::{Reader, hex_of, lineage_changes};
 use tapline_wire::{Discriminator, Scan, TapState};
 
-use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
+use crate::archives::{Archives, Which, Work};
 use crate::config::Config;
 use crate::config::lineage::made_by;
 use crate::config::reference::fusion_of;
@@ -30,29 +30,26 @@ pub(crate) fn explain(
     as_json: bool,
 ) -> Result<bool> {
     let archives = Archives::find(paths, which)?;
-    let mut outcome = Outcome::new(&archives);
+    let mut work = Work::on(&archives);
     let mut explained_count = 0;
     let mut others: Vec<String> = Vec::new();
-    let mut progress = ArchiveProgress::new(&archives);
     for file in &archives.files {
-        progress.begin(file);
-        let Some(reader) = outcome.take(file, Reader::open(&file.path))? else { continue };
+        let Some(reader) = work.open(file)? else { continue };
         if archives.is_many && shoulder.is_some_and(|name| number_of(&reader, name).is_none()) {
             others.extend(reader.plan().scans().iter().map(name_of));
             continue;
         }
         let explained = Explanation::of(&reader, shoulder, location);
-        let Some(explanation) = outcome.take(file, explained)? else { continue };
+        let Some(explanation) = work.take(file, explained)? else { continue };
         let text = match as_json {
             true => format!("{}\n", serde_json::to_string(&explanation)?),
             false if explained_count > 0 => format!("\n{explanation}"),
             false => explanation.to_string(),
         };
-        progress.beside(|| print(&text))?;
+        work.beside(|| print(&text))?;
         explained_count += 1;
     }
-    drop(progress);
-    let is_complete = outcome.end()?;
+    let is_complete = work.end()?;
     match shoulder.filter(|_| explained_count == 0 && is_complete) {
         Some(name) => {
             let meant = shoulders_meant(name, &others);

@@ -13,7 +13,7 @@ use tapline_host::messages::counted;
 use tapline_host::signals::note_folder;
 use tapline_store::Reader;
 
-use crate::archives::{ArchiveProgress, Archives, Outcome};
+use crate::archives::{Archives, Work};
 use crate::cli::archives::{ExportArgs, Format, What};
 #[cfg(not(feature = "parquet"))]
 use crate::cli::built_without;
@@ -66,21 +66,20 @@ fn write(archives: &Archives, table: Export, format: Format, out: impl Write + S
         Format::Parquet => return built_without("Parquet", "parquet"),
         _ => TableFile::csv(table, out),
     };
-    let mut outcome = Outcome::new(archives);
-    let mut progress = ArchiveProgress::new(archives);
+    let mut work = Work::on(archives);
     for archive in &archives.files {
-        progress.begin(archive);
+        work.begin(archive);
         let name = archive.name.to_string_lossy();
         let reader = Reader::open(&archive.path).map_err(Error::from);
         let added = reader.and_then(|reader| file.add(&reader, archives.is_many.then_some(&*name)));
         match added {
             Ok(()) => Some(()),
-            Err(Error::Archive(error)) => outcome.take(archive, Err(error))?,
+            Err(Error::Archive(error)) => work.take(archive, Err(error))?,
             // If the table cannot be written, the others need not be tried.
             Err(error) => return Err(error.into()),
         };
     }
-    let is_complete = outcome.end()?;
+    let is_complete = work.end()?;
     file.finish()?;
     Ok(is_complete)
 }
@@ -94,24 +93,21 @@ fn taps(args: &ExportArgs) -> Result<bool> {
         bail!("--force does not go with taps: {} must be a new or empty folder", folder.display());
     }
     let archives = Archives::find(&args.archives, args.results.which())?;
-    let mut outcome = Outcome::new(&archives);
-    let mut progress = ArchiveProgress::new(&archives);
+    let mut work = Work::on(&archives);
     note_folder(folder);
     // If nothing can be read, no folder is left.
     let mut out = None;
     for archive in &archives.files {
-        progress.begin(archive);
-        let Some(reader) = outcome.take(archive, Reader::open(&archive.path))? else { continue };
+        let Some(reader) = work.open(archive)? else { continue };
         let out = match &mut out {
             Some(out) => out,
             none => none.insert(tap_format(format).begin(folder)?),
         };
         // Some taps of the archive may be in the folder already: they are removed.
-        let shown = RefCell::new(&mut progress);
+        let shown = RefCell::new(&mut work);
         out.add(&reader, &|part| shown.borrow_mut().note_part(part))?;
     }
-    drop(progress);
-    let is_complete = outcome.end()?;
+    let is_complete = work.end()?;
     let counts = out.map(|out| out.finish()).transpose()?.unwrap_or_default();
     let TapCounts { written, refused, missing, damaged } = counts;
     if args.json {

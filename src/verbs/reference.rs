@@ -14,7 +14,7 @@ use tapline_host::table::table;
 use tapline_store::Reader;
 use tapline_wire::{Discriminator, Discriminators, Verdict};
 
-use crate::archives::{Archives, Outcome};
+use crate::archives::{Archives, Work};
 use crate::cli::archives::ReferenceArgs;
 use crate::config::Config;
 use crate::config::reference::{differences, process_of};
@@ -34,15 +34,15 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     let mut built: Option<Built> = None;
     let (mut shoulders, mut lineage) = (Vec::new(), Vec::new());
     let archives = Archives::find(&args.archives, args.results.which())?;
-    let mut outcome = Outcome::new(&archives);
+    let mut work = Work::on(&archives);
     let mut first = None;
     for file in &archives.files {
         let path = &file.path;
-        let Some(reader) = outcome.take(file, Reader::open(path))? else { continue };
-        let Some(records) = outcome.take(file, reader.discriminators())? else { continue };
+        let Some(reader) = work.take(file, Reader::open(path))? else { continue };
+        let Some(records) = work.take(file, reader.discriminators())? else { continue };
         let records: Vec<_> = records.into_iter().flatten().collect();
         let config = Config::parse(reader.config()).context("its configuration is not one of this program");
-        let Some(config) = outcome.take(file, config)? else { continue };
+        let Some(config) = work.take(file, config)? else { continue };
         let process = process_of(&config.process, &reader.plan().recording)?;
         let before = shoulders.len();
         // A named shoulder counts as sound whatever its verdict was; others only if they passed.
@@ -100,12 +100,12 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
         let meant = match () {
             () if !of_casing.is_empty() => format!("; that casing has {}", of_casing.join(", ")),
             // It may be in an archive that could not be read.
-            () if outcome.has_failed() => String::new(),
+            () if work.has_failed() => String::new(),
             () => did_you_mean(missing, there.iter().map(String::as_str)).map(|m| format!("; {m}")).unwrap_or_default(),
         };
         bail!("--shoulder {missing} is in none of the archives that could be read{meant}");
     }
-    let is_complete = outcome.end()?;
+    let is_complete = work.end()?;
     if shoulders.is_empty() {
         bail!(
             "no shoulder passed: name those that are known to be sound with --shoulder; if the rig has changed, first judge them by themselves \

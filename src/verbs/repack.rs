@@ -9,27 +9,26 @@ use serde_json::json;
 use tapline_host::signals::note_folder;
 use tapline_store::{Codec, Repacked};
 
-use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
+use crate::archives::{Archives, Which, Work};
 use tapline_host::stdout::Stdout;
 
 /// Packs the archive at `paths` into the file `out`; several into the folder `out`, under their names.
 pub(crate) fn repack(paths: &[PathBuf], codec: Codec, out: &Path, as_json: bool) -> Result<bool> {
     let archives = Archives::find(paths, Which::Casings)?;
-    let mut outcome = Outcome::new(&archives);
-    let mut progress = ArchiveProgress::new(&archives);
+    let mut work = Work::on(&archives);
     for file in &archives.files {
         let to = if archives.is_many { out.join(&file.name) } else { out.to_owned() };
         if let Some(folder) = to.parent() {
             fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
         }
-        progress.begin(file);
+        work.begin(file);
         note_folder(&to);
-        let repacked = tapline_store::repack(&file.path, &to, codec, |part| progress.note_part(part));
-        if let Some(repacked) = outcome.take(file, repacked)? {
-            progress.beside(|| print(&file.path, &to, &repacked, as_json))?;
+        let repacked = tapline_store::repack(&file.path, &to, codec, |part| work.note_part(part));
+        if let Some(repacked) = work.take(file, repacked)? {
+            work.beside(|| print(&file.path, &to, &repacked, as_json))?;
         }
     }
-    outcome.end()
+    work.end()
 }
 
 fn print(archive: &Path, out: &Path, repacked: &Repacked, as_json: bool) -> Result<()> {

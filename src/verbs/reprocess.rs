@@ -23,7 +23,7 @@ use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_store::{Lineage, PutOutcome, ReadBuffer, Reader, Taps, Writer, lineage_key, results_path};
 use tapline_wire::{Discriminators, ScanState, TapHeader, TapState, now_ns};
 
-use crate::archives::{Archives, Outcome, Which};
+use crate::archives::{Archives, Which, Work};
 use crate::cli::archives::ReprocessArgs;
 use crate::config::Config;
 use crate::config::lineage::{made_by, of_discriminators};
@@ -50,16 +50,16 @@ pub(crate) fn reprocess(args: &ReprocessArgs) -> Result<bool> {
     ensure!(jobs <= JOBS_MAX, "--jobs is {jobs}; at most {JOBS_MAX} threads are started");
     let asked = Asked::new(args)?;
     let archives = Archives::find(&args.archives, Which::Casings)?;
-    let mut outcome = Outcome::new(&archives);
+    let mut work = Work::on(&archives);
     for file in &archives.files {
         let done = again(&file.path, &asked, args.from_samples, jobs)
             .with_context(|| format!("cannot judge {} again", file.path.display()));
-        if let Some(results) = outcome.take(file, done)? {
+        if let Some(results) = work.take(file, done)? {
             print(args, &file.path, &results)?;
-            outcome.note(results.is_complete);
+            work.note(results.is_complete);
         }
     }
-    outcome.end()
+    work.end()
 }
 
 /// What is asked for of every archive.

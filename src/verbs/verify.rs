@@ -10,29 +10,28 @@ use tapline_host::messages::counted;
 use tapline_store::{Error, Report};
 use tapline_wire::TapState;
 
-use crate::archives::{ArchiveProgress, Archives, Outcome, Which};
+use crate::archives::{Archives, Which, Work};
 use tapline_host::stdout::Stdout;
 
 /// Checks the archives at `paths`.
 pub(crate) fn verify(paths: &[PathBuf], as_json: bool) -> Result<bool> {
     let archives = Archives::find(paths, Which::All)?;
-    let mut progress = ArchiveProgress::new(&archives);
-    let mut outcome = Outcome::new(&archives);
+    let mut work = Work::on(&archives);
     let (mut incomplete, mut damaged) = (0, 0);
     for file in &archives.files {
-        progress.begin(file);
-        match outcome.take(file, check(&file.path, as_json, &mut progress))? {
+        work.begin(file);
+        let found = check(&file.path, as_json, &mut work);
+        match work.take(file, found)? {
             Some(Found::Complete) => {}
             Some(Found::Incomplete) => incomplete += 1,
             Some(Found::Damaged) | None => damaged += 1,
         }
     }
-    drop(progress);
-    outcome.note(incomplete == 0 && archives.unfinished.is_empty());
+    work.note(incomplete == 0 && archives.unfinished.is_empty());
     if archives.is_many {
-        sum_up(&archives, incomplete, damaged, as_json)?;
+        work.beside(|| sum_up(&archives, incomplete, damaged, as_json))?;
     }
-    let is_complete = outcome.end()?;
+    let is_complete = work.end()?;
     ensure!(damaged == 0, "{} altered or unreadable", counted(damaged, "archive is", "archives are"));
     Ok(is_complete)
 }
@@ -76,9 +75,9 @@ fn sum_up(archives: &Archives, incomplete: usize, damaged: usize, as_json: bool)
 }
 
 /// Checks an archive, and prints the report.
-fn check(archive: &Path, as_json: bool, progress: &mut ArchiveProgress) -> Result<Found> {
-    let checked = tapline_store::verify_with(archive, |part| progress.note_part(part));
-    progress.beside(|| print(archive, checked, as_json))
+fn check(archive: &Path, as_json: bool, work: &mut Work) -> Result<Found> {
+    let checked = tapline_store::verify_with(archive, |part| work.note_part(part));
+    work.beside(|| print(archive, checked, as_json))
 }
 
 /// Prints what was found in an archive.
