@@ -46,7 +46,7 @@ pub use error::{Error, none_can};
 pub use rig::{RigArrivals, RigConfig, RigReport, RigScript, last_on_rig, serve_rig};
 pub use simulated::SimulatedLine;
 pub use simulated::listed::{SimulatedList, listed_simulated};
-pub use source::arrivals::{Arrival, Arrivals, Casing, CasingEnd, Wake};
+pub use source::arrivals::{Arrival, Arrivals, Casing, CasingEnd, CasingList, ListedCasing, Wake};
 pub use source::{About, Readiness, Refusal, Source};
 pub use stage::outcome::{Outcome, RunError};
 pub use stage::run;

@@ -23,7 +23,9 @@ impl Listed {
         let is_simulated = setup.arriving == Arriving::Simulated;
         let mut known = BTreeSet::new();
         let mut listed = Self { names: Vec::new(), tap_count: 0, plans: Vec::new() };
-        setup.listed(job, &mut |name, _station, plan| {
+        let list = setup.arriving.list(job)?;
+        for casing in list.iter().flat_map(|list| list.listed()) {
+            let (name, _station, plan) = casing?;
             // Simulated tyres differ only in their names; each recorded one has taps of its own.
             match !is_simulated || listed.names.is_empty() {
                 true => drop(fusions.check(&plan)?),
@@ -40,8 +42,7 @@ impl Listed {
                 listed.plans.push(format!("{name} {:016x}", plan.digest()));
             }
             listed.names.push(name);
-            Ok(())
-        })?;
+        }
         Ok(listed)
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
 use serde::{Deserialize, Serialize};
-use tapline_acquire::{Arrivals, StationSource, Wake, listed_simulated, listed_tap_set, open_station};
+use tapline_acquire::{Arrivals, CasingList, StationSource, Wake, listed_simulated, listed_tap_set, open_station};
 use tapline_store::{Places, StoreRun};
 use tapline_wire::{Limits, LineAddress, Plan, Truth, line_bytes};
 
@@ -31,6 +31,17 @@ pub(crate) enum Arriving {
     Stations,
 }
 
+impl Arriving {
+    /// The list that the casings come from; `None` where they come from stations.
+    pub(crate) fn list(&self, job: &Job) -> Result<Option<Box<dyn CasingList>>> {
+        Ok(match self {
+            Self::Simulated => Some(Box::new(listed_simulated(&job.config.scan, &job.config.simulation)?)),
+            Self::TapSet { folder, stations } => Some(Box::new(listed_tap_set(folder, *stations)?)),
+            Self::Stations => None,
+        })
+    }
+}
+
 /// The options of a line. Its stages read this copy, even when they are restarted after an edit of the original.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Setup {
@@ -43,7 +54,7 @@ pub(crate) struct Setup {
     /// Stations whose casings are on rigs.
     pub rigs: Vec<u16>,
     pub config_toml: String,
-    /// The reference file, verbatim, and where it was.
+    /// The text of the reference file.
     pub reference: Option<String>,
 }
 
@@ -110,21 +121,6 @@ impl Setup {
         }
     }
 
-    /// Name, station and plan of every casing of the list, one at a time; none where casings come from stations.
-    pub(crate) fn listed(&self, job: &Job, each: &mut dyn FnMut(String, u16, Plan) -> Result<()>) -> Result<()> {
-        match &self.arriving {
-            Arriving::Simulated => {
-                let list = listed_simulated(&job.config.scan, &job.config.simulation)?;
-                list.listed().try_for_each(|casing| casing.map_err(Into::into).and_then(|(n, s, p)| each(n, s, p)))
-            }
-            Arriving::TapSet { folder, stations } => {
-                let list = listed_tap_set(folder, *stations)?;
-                list.listed().try_for_each(|casing| casing.map_err(Into::into).and_then(|(n, s, p)| each(n, s, p)))
-            }
-            Arriving::Stations => Ok(()),
-        }
-    }
-
     /// The plans of casings at stations that tap as the table `[scan]` says: one plan for each kind of record.
     pub(crate) fn plans_of_stations(&self, job: &Job) -> Result<Vec<Plan>> {
         let list = listed_simulated(&job.config.scan.for_line(), &job.config.simulation)?;
@@ -146,51 +142,36 @@ impl Setup {
     /// The stations of the `acquire` process with number `acquire`.
     pub(crate) fn arrivals(&self, job: &Job, acquire: u16, wake: &Wake) -> Result<Vec<Box<dyn Arrivals>>> {
         let ours = self.limits.stations.iter().copied().filter(|&s| self.limits.acquire_of(s) == Some(acquire));
-        match &self.arriving {
-            Arriving::Simulated => {
-                let list = listed_simulated(&job.config.scan, &job.config.simulation)?;
-                Ok(ours.map(|station| list.arrivals(station)).collect())
-            }
-            Arriving::TapSet { folder, stations } => {
-                let list = listed_tap_set(folder, *stations)?;
-                Ok(ours.map(|station| list.arrivals(station)).collect())
-            }
-            Arriving::Stations => ours
-                .map(|number| {
-                    let station = job.config.station.iter().find(|station| station.number == number);
-                    let Some(station) = station else { bail!("station {number} is not in the configuration") };
-                    let mut station = station.clone();
-                    // Relative to where the line was started; its stages run elsewhere.
-                    station.folder = station.folder.map(|folder| self.started_in.join(folder));
-                    station.serial_file = station.serial_file.map(|file| self.started_in.join(file));
-                    station.calibration = station.calibration.map(|file| self.started_in.join(file));
-                    let config = &job.config;
-                    Ok(open_station(
-                        &station,
-                        &config.acquire,
-                        &config.scan.for_line(),
-                        &config.simulation,
-                        &config.capture,
-                        &self.out,
-                        wake.clone(),
-                    )?)
-                })
-                .collect(),
+        if let Some(list) = self.arriving.list(job)? {
+            return Ok(ours.map(|station| list.arrivals(station)).collect());
         }
+        let config = &job.config;
+        let opened = |number| {
+            let station = config.station.iter().find(|station| station.number == number);
+            let Some(station) = station else { bail!("station {number} is not in the configuration") };
+            let mut station = station.clone();
+            // Relative to where the line was started; its stages run elsewhere.
+            station.folder = station.folder.map(|folder| self.started_in.join(folder));
+            station.serial_file = station.serial_file.map(|file| self.started_in.join(file));
+            station.calibration = station.calibration.map(|file| self.started_in.join(file));
+            Ok(open_station(
+                &station,
+                &config.acquire,
+                &config.scan.for_line(),
+                &config.simulation,
+                &config.capture,
+                &self.out,
+                wake.clone(),
+            )?)
+        };
+        ours.map(opened).collect()
     }
 }
 
 fn limits_of(job: &Job, arriving: &Arriving) -> Result<Limits> {
-    let (mut stations, largest) = match arriving {
-        Arriving::Simulated => {
-            let list = listed_simulated(&job.config.scan, &job.config.simulation)?;
-            (list.stations(), list.limits())
-        }
-        Arriving::TapSet { folder, stations } => {
-            let list = listed_tap_set(folder, *stations)?;
-            (list.stations(), list.limits()?)
-        }
-        Arriving::Stations => (job.config.station.iter().map(|s| s.number).collect(), job.config.station_limits()?),
+    let (mut stations, largest) = match arriving.list(job)? {
+        Some(list) => (list.stations(), list.limits()?),
+        None => (job.config.station.iter().map(|s| s.number).collect(), job.config.station_limits()?),
     };
     stations.sort_unstable();
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZeroUsize::get);

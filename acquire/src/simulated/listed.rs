@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use tapline_model::SimulationConfig;
-use tapline_wire::{CasingLimits, Plan, digest_of_parts};
+use tapline_wire::{CasingLimits, digest_of_parts};
 
 use crate::simulated::{Tyre, default_tyre, plan_of, rig_of, station_of, tyre_of};
-use crate::{Arrival, Arrivals, Casing, Error, ScanConfig, SimulatedLine};
+use crate::{Arrival, Arrivals, Casing, CasingList, Error, ListedCasing, ScanConfig, SimulatedLine};
 
 /// The casings of a simulated scan.
 #[derive(Debug, Clone)]
@@ -34,19 +34,17 @@ pub fn listed_simulated(scan: &ScanConfig, simulation: &SimulationConfig) -> Res
     Ok(SimulatedList { world: Arc::new(world) })
 }
 
-impl SimulatedList {
-    /// Name, station and plan of every casing, in order; each plan is made as it is asked for.
-    pub fn listed(&self) -> impl Iterator<Item = Result<(String, u16, Plan), Error>> + '_ {
+impl CasingList for SimulatedList {
+    fn listed(&self) -> Box<dyn Iterator<Item = Result<ListedCasing, Error>> + '_> {
         let World { scan, simulation } = &*self.world;
-        (0..scan.tyre_count()).map(move |number| {
+        Box::new((0..scan.tyre_count()).map(move |number| {
             let tyre = tyre_of(scan, number)?;
             let plan = plan_of(scan, simulation, std::slice::from_ref(&tyre), 0)?;
             Ok((tyre.serial.to_string(), tyre.station, plan))
-        })
+        }))
     }
 
-    /// The stations that have casings, ascending.
-    pub fn stations(&self) -> Vec<u16> {
+    fn stations(&self) -> Vec<u16> {
         let scan = &self.world.scan;
         let mut stations: Vec<u16> = (0..scan.tyre_count()).map(|number| station_of(scan, number)).collect();
         stations.sort_unstable();
@@ -54,15 +52,13 @@ impl SimulatedList {
         stations
     }
 
-    /// The casings of `station`, in order.
-    pub fn arrivals(&self, station: u16) -> Box<dyn Arrivals> {
+    fn arrivals(&self, station: u16) -> Box<dyn Arrivals> {
         let which = Tyres::Listed { next: 0, taps_before: 0 };
         Box::new(SimulatedTyres { world: Arc::clone(&self.world), station, which })
     }
 
-    /// What every casing of the list needs.
-    pub fn limits(&self) -> CasingLimits {
-        self.world.scan.limits(&self.world.simulation)
+    fn limits(&self) -> Result<CasingLimits, Error> {
+        Ok(self.world.scan.limits(&self.world.simulation))
     }
 }
 

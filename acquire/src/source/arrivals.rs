@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use tapline_wire::RecordKind;
+use tapline_wire::{CasingLimits, Plan, RecordKind};
 
 use crate::{Error, Source};
 
@@ -48,6 +48,27 @@ pub enum CasingEnd {
         /// Why.
         reason: String,
     },
+}
+
+/// Name, station and plan of a casing of a list.
+pub type ListedCasing = (String, u16, Plan);
+
+/// A finite list of casings.
+pub trait CasingList: fmt::Debug {
+    /// Every casing, in order; each plan is made when the iterator reaches it.
+    fn listed(&self) -> Box<dyn Iterator<Item = Result<ListedCasing, Error>> + '_>;
+
+    /// The stations that have casings, ascending.
+    fn stations(&self) -> Vec<u16>;
+
+    /// The casings of `station`, in order.
+    fn arrivals(&self, station: u16) -> Box<dyn Arrivals>;
+
+    /// Limits that are sufficient for every casing. Only one plan is in memory at a time.
+    ///
+    /// # Errors
+    /// [`Error`] if a casing's plan cannot be made.
+    fn limits(&self) -> Result<CasingLimits, Error>;
 }
 
 /// Where one station's casings come from.

@@ -4,11 +4,11 @@ use std::collections::{BTreeSet, VecDeque};
 use std::path::Path;
 use std::sync::Arc;
 
-use tapline_wire::{CasingLimits, Plan};
+use tapline_wire::CasingLimits;
 
 use crate::tap_set::casings::{SetCasing, casings_of};
 use crate::tap_set::recordings::Recordings;
-use crate::{Arrival, Arrivals, Casing, Error, Source as _, TapSet};
+use crate::{Arrival, Arrivals, Casing, CasingList, Error, ListedCasing, Source as _, TapSet};
 
 /// The casings of a tap set.
 #[derive(Debug, Clone)]
@@ -35,37 +35,6 @@ impl TapSetList {
         self.casings.len()
     }
 
-    /// Name, station and plan of every casing, in order of first appearance. Each plan is made when the iterator
-    /// reaches it.
-    pub fn listed(&self) -> impl Iterator<Item = Result<(String, u16, Plan), Error>> + '_ {
-        self.casings.iter().map(|casing| {
-            let plan = self.set.plan(&casing.rows, |_| casing.station)?;
-            Ok((casing.name.clone(), casing.station, plan))
-        })
-    }
-
-    /// The stations that have casings, ascending.
-    pub fn stations(&self) -> Vec<u16> {
-        let stations: BTreeSet<u16> = self.casings.iter().map(|casing| casing.station).collect();
-        stations.into_iter().collect()
-    }
-
-    /// The casings of `station`, in order.
-    pub fn arrivals(&self, station: u16) -> Box<dyn Arrivals> {
-        let ours = self.casings.iter().enumerate().filter(|(_, casing)| casing.station == station);
-        let numbers = ours.map(|(number, _)| number).collect();
-        Box::new(Listed { list: self.clone(), station, numbers })
-    }
-
-    /// Limits that are sufficient for every casing. Only one plan is in memory at a time.
-    ///
-    /// # Errors
-    /// [`Error`] if a casing's plan cannot be made.
-    pub fn limits(&self) -> Result<CasingLimits, Error> {
-        self.listed()
-            .try_fold(CasingLimits::default(), |most, listed| Ok(most.and(CasingLimits::from_plan(&listed?.2))))
-    }
-
     pub(crate) fn name(&self, number: usize) -> &str {
         &self.casings[number].name
     }
@@ -75,6 +44,32 @@ impl TapSetList {
         let taps = TapSet::from_casing(&self.set, &self.casings[number], station)?;
         debug_assert_eq!(taps.plan().stations(), [station]);
         Ok(Casing { name: self.name(number).to_owned(), taps: Box::new(taps) })
+    }
+}
+
+/// Casings are in the order of their first appearance.
+impl CasingList for TapSetList {
+    fn listed(&self) -> Box<dyn Iterator<Item = Result<ListedCasing, Error>> + '_> {
+        Box::new(self.casings.iter().map(|casing| {
+            let plan = self.set.plan(&casing.rows, |_| casing.station)?;
+            Ok((casing.name.clone(), casing.station, plan))
+        }))
+    }
+
+    fn stations(&self) -> Vec<u16> {
+        let stations: BTreeSet<u16> = self.casings.iter().map(|casing| casing.station).collect();
+        stations.into_iter().collect()
+    }
+
+    fn arrivals(&self, station: u16) -> Box<dyn Arrivals> {
+        let ours = self.casings.iter().enumerate().filter(|(_, casing)| casing.station == station);
+        let numbers = ours.map(|(number, _)| number).collect();
+        Box::new(Listed { list: self.clone(), station, numbers })
+    }
+
+    fn limits(&self) -> Result<CasingLimits, Error> {
+        self.listed()
+            .try_fold(CasingLimits::default(), |most, listed| Ok(most.and(CasingLimits::from_plan(&listed?.2))))
     }
 }
 
