@@ -27,7 +27,7 @@ use crate::line::out_folder::OutFolder;
 use crate::line::process_name::name_process;
 use crate::line::setup::{Arriving, Setup, absolute};
 use crate::line::summary::summarise;
-use crate::line::supervisor::{Audience, Pace, ShowStatus, Supervisor};
+use crate::line::supervisor::{Audience, LineOutcome, ShowStatus, Supervisor};
 use crate::shown::verdict::Form;
 use crate::wires::{Receiver, Wires};
 
@@ -63,8 +63,8 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
         setup.check_machine()?;
     }
     say_unsupported(&job);
-    let pace = if is_done {
-        Pace::default()
+    let outcome = if is_done {
+        LineOutcome::default()
     } else {
         if job.taps.is_none() {
             remark_on_scan(&job.config.scan);
@@ -77,7 +77,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool> {
         operate(&setup, &mut folder, audience, Some(listed.names.len()), stop)?
     };
     drop(folder);
-    summarise(&job, &setup, &listed.names, pace, args.json)
+    summarise(&job, &setup, &listed.names, outcome, args.json)
 }
 
 /// Progress of the scan of `listed`, of which `finished` casings are done.
@@ -129,18 +129,18 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     let (wires, said) = Wires::start(&job.config.line, &setup.limits.stations, &setup.places(), form)?;
     said.iter().for_each(|text| progress.print(text));
     let audience = Audience { progress, wires: Some(wires), form, show };
-    let pace = operate(&setup, &mut folder, audience, args.casings.map(|count| count as usize), stop)?;
-    say_how_it_ended(&pace);
-    let is_printed = pace.waiting.iter().all(|(receiver, _)| receiver != Receiver::Print.name());
-    Ok(is_printed && pace.left_out.is_empty())
+    let outcome = operate(&setup, &mut folder, audience, args.casings.map(|count| count as usize), stop)?;
+    say_how_it_ended(&outcome);
+    let is_printed = outcome.waiting.iter().all(|(receiver, _)| receiver != Receiver::Print.name());
+    Ok(is_printed && outcome.left_out.is_empty())
 }
 
 /// Says what is still to be done, and what was left out.
-fn say_how_it_ended(pace: &Pace) {
-    let judged = counted(pace.closed, "casing", "casings");
+fn say_how_it_ended(outcome: &LineOutcome) {
+    let judged = counted(outcome.closed, "casing", "casings");
     say(&format!("the line has ended: {judged} judged"));
-    pace.unfinished.iter().for_each(|text| say(text));
-    for (receiver, count) in &pace.waiting {
+    outcome.unfinished.iter().for_each(|text| say(text));
+    for (receiver, count) in &outcome.waiting {
         if receiver == Receiver::Print.name() {
             let count = counted(*count as usize, "verdict was", "verdicts were");
             tracing::error!("{count} not printed: the same command prints what nobody read");
@@ -149,7 +149,7 @@ fn say_how_it_ended(pace: &Pace) {
         let count = counted(*count as usize, "verdict waits", "verdicts wait");
         say(&format!("{count} for {receiver}: the same command reports them"));
     }
-    for text in &pace.left_out {
+    for text in &outcome.left_out {
         say(&format!("left out: {text}"));
     }
 }
@@ -190,7 +190,7 @@ fn operate(
     audience: Audience,
     count: Option<usize>,
     stop: Arc<AtomicBool>,
-) -> Result<Pace> {
+) -> Result<LineOutcome> {
     name_process("tapline-line");
     let workplace = Workplace { address: LineAddress::fresh()? };
     let address = &workplace.address;

@@ -16,7 +16,7 @@ use crate::config::job::Job;
 use crate::config::reference::KeptReferences;
 use crate::line::setup::Setup;
 use crate::line::stage::{Used, Work};
-use crate::line::supervisor::Pace;
+use crate::line::supervisor::LineOutcome;
 use crate::shown::rig::{ASKS, Rigs, StationSign};
 use crate::shown::verdict::ShoulderVerdict;
 use tapline_host::stdout::Stdout;
@@ -109,7 +109,13 @@ struct Sum {
 }
 
 /// Prints the summary of the casings `names` of `job`; whether nothing is missing, refused or contradicted.
-pub(crate) fn summarise(job: &Job, setup: &Setup, names: &[String], pace: Pace, as_json: bool) -> Result<bool> {
+pub(crate) fn summarise(
+    job: &Job,
+    setup: &Setup,
+    names: &[String],
+    outcome: LineOutcome,
+    as_json: bool,
+) -> Result<bool> {
     // Before the scores, which are not the line's work.
     let used = Used::here();
     let mut sum = Sum { is_judged: true, ..Sum::default() };
@@ -125,8 +131,8 @@ pub(crate) fn summarise(job: &Job, setup: &Setup, names: &[String], pace: Pace, 
     }
     let [archived, refused, missing] = sum.counts;
     // From the files: a line that is asked to end does not learn of the last ones.
-    let settled = pace.settled_before.map_or(0, |before| (archived + refused).saturating_sub(before));
-    let pace = pace_line(&pace, settled, &used);
+    let settled = outcome.settled_before.map_or(0, |before| (archived + refused).saturating_sub(before));
+    let pace = pace_line(&outcome, settled, &used);
     let is_complete = sum.unfinished == 0 && refused == 0 && missing == 0 && sum.is_judged && pace.conflicts == 0;
     let summary = Summary {
         kind: "summary",
@@ -214,12 +220,12 @@ impl Auc {
 }
 
 #[expect(clippy::cast_precision_loss, reason = "figures for people to read")]
-fn pace_line(pace: &Pace, taps: usize, used: &Used) -> PaceLine {
-    let elapsed_s = pace.elapsed_s;
+fn pace_line(outcome: &LineOutcome, taps: usize, used: &Used) -> PaceLine {
+    let elapsed_s = outcome.elapsed_s;
     let per_s = |count: f64| if elapsed_s > 0.0 { count / elapsed_s } else { 0.0 };
     let mut line =
-        PaceLine { taps, elapsed_s, taps_per_s: per_s(taps as f64), restarts: pace.restarts, ..PaceLine::default() };
-    for report in &pace.reports {
+        PaceLine { taps, elapsed_s, taps_per_s: per_s(taps as f64), restarts: outcome.restarts, ..PaceLine::default() };
+    for report in &outcome.reports {
         let name = match &report.work {
             Work::Acquire(work) => {
                 line.gb_per_s += per_s(work.sample_bytes as f64 / 1e9);

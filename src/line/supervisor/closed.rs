@@ -16,12 +16,12 @@ use crate::shown::rig::ASKS;
 use crate::shown::verdict::{CasingVerdict, calibration, since_last_tap_s};
 use crate::shown::whole::Whole;
 
-use super::{SHOWN_MAX, Supervisor};
+use super::{SHOWN_MAX, Supervisor, station_of};
 
 impl Supervisor<'_> {
     pub(super) fn closed(&mut self, header: &CasingHeader, path: PathBuf) {
         let number = header.stamp.casing;
-        let station = u16::try_from(header.station).unwrap_or(u16::MAX);
+        let station = station_of(header);
         let place = self.open.iter().position(|casing| casing.number == number && number != 0);
         let was_open = place.is_some();
         let name = match place {
@@ -44,7 +44,7 @@ impl Supervisor<'_> {
         let unreported = Unreported { number, name, station, at_ns: now_ns(), file: path };
         let unreported = if self.is_list { Some(unreported) } else { self.note_of(unreported) };
         let Some(unreported) = unreported else { return };
-        self.pace.closed += 1;
+        self.outcome.closed += 1;
         self.settled_closed += header.tap_count as usize;
         if number == 0 {
             self.settled_before += header.tap_count as usize;
@@ -156,7 +156,7 @@ impl Supervisor<'_> {
             retaken: retaken(ledger),
             shoulders: Layout::new(reader.plan().taps()).shoulders(Some(ledger)),
         };
-        if let Some(station) = self.shown.stations.iter_mut().find(|station| station.number == verdict.station) {
+        if let Some(station) = self.station(verdict.station) {
             station.tally.add(verdict, last.retaken);
             station.last = Some(last);
             station.whole = Whole::median(verdict.shoulders.iter().map(|shoulder| &shoulder.whole));

@@ -49,7 +49,7 @@ const SHOWN_MAX: usize = 16;
 
 /// The outcome of a line.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Pace {
+pub(crate) struct LineOutcome {
     /// Taps that were settled before; `None` when there was nothing to do.
     pub settled_before: Option<usize>,
     /// How long it took.
@@ -140,7 +140,7 @@ pub(crate) struct Supervisor<'a> {
     /// The rig of each station.
     rigs: Rigs,
     rate: ProgressRate,
-    pace: Pace,
+    outcome: LineOutcome,
     /// When viewers that have died were last looked for.
     cleared_at: Instant,
 }
@@ -183,18 +183,18 @@ impl<'a> Supervisor<'a> {
             settled_before: 0,
             rigs: Rigs::default(),
             rate: ProgressRate::default(),
-            pace: Pace::default(),
+            outcome: LineOutcome::default(),
         };
         supervisor.show()?;
         Ok(supervisor)
     }
 
     /// Runs the line until `count` casings are closed or refused, or, if it never ends, until it is asked to stop.
-    pub(crate) fn until_done(mut self, count: Option<usize>) -> Result<Pace> {
+    pub(crate) fn until_done(mut self, count: Option<usize>) -> Result<LineOutcome> {
         if !self.is_list {
             self.recall();
         }
-        let is_over = |s: &Self| count.is_some_and(|count| s.pace.closed + s.pace.refused >= count);
+        let is_over = |s: &Self| count.is_some_and(|count| s.outcome.closed + s.outcome.refused >= count);
         while !is_over(&self) && !self.stop.load(Ordering::Relaxed) {
             self.line.wait(LOOK_EVERY)?;
             self.receive()?;
@@ -218,108 +218,112 @@ impl<'a> Supervisor<'a> {
         // Receivers have the last verdicts before the line is reported to have ended.
         let receivers = self.audience.wires.take().map(Wires::close).unwrap_or_default();
         let waiting = receivers.into_iter().filter(|receiver| receiver.waiting > 0);
-        self.pace.waiting = waiting.map(|receiver| (receiver.name, receiver.waiting)).collect();
-        Ok(self.into_pace())
+        self.outcome.waiting = waiting.map(|receiver| (receiver.name, receiver.waiting)).collect();
+        Ok(self.into_outcome())
     }
 
-    /// Takes in what `store`, the stations and the command report.
+    /// Takes in what `store`, the stations and the wires report.
     fn receive(&mut self) -> Result<()> {
         while let Some(record) = self.casings.receive()? {
-            let header = *record.header();
-            let number = header.stamp.casing;
-            match record.kind() {
-                Some(RecordKind::Plan) => {
-                    let (name, layout, again) = match decode_opened(&record) {
-                        Ok((name, taps)) => {
-                            (name, Layout::new(&taps), taps.iter().filter(|tap| tap.is_second_reading()).count())
-                        }
-                        Err(error) => (error.to_string(), Layout::default(), 0),
-                    };
-                    // It comes again after `store` was restarted, and when the plan has grown.
-                    match self.open.iter_mut().find(|casing| casing.number == number) {
-                        Some(casing) => {
-                            self.audience.progress.more((again.saturating_sub(casing.again)) as u64);
-                            (casing.layout, casing.again) = (layout, again);
-                        }
-                        None => {
-                            self.audience.progress.more(again as u64);
-                            let station = u16::try_from(header.station).unwrap_or(u16::MAX);
-                            self.audience.wires.iter().for_each(|wires| wires.now.opened(station));
-                            self.settled_before += header.settled_before_count as usize;
-                            if header.settled_before_count > 0 {
-                                let there = format!("{} of {}", header.settled_before_count, header.tap_count);
-                                let how = match self.has_station(station) {
-                                    true => "continues".to_owned(),
-                                    false => format!("waits for station {station}, which is not in the configuration"),
-                                };
-                                self.audience.progress.print(&format!("casing {name} {how}: {there} taps are done"));
-                            }
-                            // What was done before is not on the rig any more.
-                            drop(std::fs::remove_file(tapline_acquire::last_on_rig(&self.shown.out, station)));
-                            tracing::info!(casing = name, station, "is begun");
-                            self.open.push(Open { number, name, header, layout, again, ledger: None });
-                        }
-                    }
-                }
-                Some(RecordKind::Ledger) => {
-                    if let Some(casing) = self.open.iter_mut().find(|casing| casing.number == number) {
-                        casing.header = header;
-                        casing.ledger = Ledger::decode(&header, &record).or(casing.ledger.take());
-                    }
-                }
-                Some(RecordKind::Closed) => self.closed(&header, PathBuf::from(text_of(&record))),
-                Some(RecordKind::Alarm) => self.held(text_of(&record)),
-                Some(RecordKind::Refusal) if number != 0 => self.lost_file(number, &text_of(&record)),
-                Some(RecordKind::Refusal) => {
-                    let reason = text_of(&record);
-                    self.alarm(format!("station {}: {reason}", header.station));
-                    self.pace.refused += 1;
-                    self.leave_out(format!("station {}: {reason}", header.station));
-                    self.shown.refused_count += 1;
-                }
-                _ => continue,
-            }
-            self.is_news = true;
+            self.receive_of_casing(&record);
         }
         while let Some(record) = self.waits.receive()? {
-            let Ok(station) = u16::try_from(record.header().mark) else { continue };
-            let text = String::from_utf8_lossy(&record).into_owned();
-            match record.kind() {
-                Some(kind @ (RecordKind::Refusal | RecordKind::Alarm)) => {
-                    let text = match text.strip_prefix(OVER) {
-                        Some(begun) => format!("{OVER}station {station}: {begun}"),
-                        None => format!("station {station}: {text}"),
-                    };
-                    if kind == RecordKind::Refusal {
-                        self.leave_out(text.clone());
-                    }
-                    self.alarm(text);
-                }
-                kind => {
-                    if let Some(station) = self.shown.stations.iter_mut().find(|shown| shown.number == station) {
-                        match kind {
-                            Some(RecordKind::Fault) => station.fault = Some(text).filter(|text| !text.is_empty()),
-                            _ => station.waits_for = text,
-                        }
-                    }
-                }
-            }
-            self.is_news = true;
+            self.receive_of_station(&record);
         }
         let of_wires = self.audience.wires.as_ref().map(|wires| wires.outbox.take_alarms()).unwrap_or_default();
         for alarm in self.stages.take_alarms().into_iter().chain(of_wires) {
             self.alarm(alarm);
         }
         let settled = self.settled();
-        let since = self.rate.note(settled.saturating_sub(self.settled_before));
-        if self.audience.progress.update_since(
-            settled as u64,
-            settled.saturating_sub(self.settled_before) as u64,
-            since,
-        ) {
+        let settled_here = settled.saturating_sub(self.settled_before);
+        let since = self.rate.note(settled_here);
+        if self.audience.progress.update_since(settled as u64, settled_here as u64, since) {
             self.stages.note_progress();
         }
         Ok(())
+    }
+
+    /// Takes in what `store` reports of a casing, or of the archive.
+    fn receive_of_casing(&mut self, record: &Received<CasingTopic>) {
+        let header = *record.header();
+        let number = header.stamp.casing;
+        match record.kind() {
+            Some(RecordKind::Plan) => self.opened(header, record),
+            Some(RecordKind::Ledger) => {
+                if let Some(casing) = self.open.iter_mut().find(|casing| casing.number == number) {
+                    casing.header = header;
+                    casing.ledger = Ledger::decode(&header, record).or(casing.ledger.take());
+                }
+            }
+            Some(RecordKind::Closed) => self.closed(&header, PathBuf::from(text_of(record))),
+            Some(RecordKind::Alarm) => self.held(text_of(record)),
+            Some(RecordKind::Refusal) if number != 0 => self.lost_file(number, &text_of(record)),
+            Some(RecordKind::Refusal) => {
+                let text = format!("station {}: {}", header.station, text_of(record));
+                self.alarm(text.clone());
+                self.leave_out(text);
+                self.outcome.refused += 1;
+                self.shown.refused_count += 1;
+            }
+            _ => return,
+        }
+        self.is_news = true;
+    }
+
+    /// Notes a casing that is open, with its plan in `record`. It comes again after `store` was restarted, and when the plan has
+    /// grown.
+    fn opened(&mut self, header: CasingHeader, record: &[u8]) {
+        let number = header.stamp.casing;
+        let (name, taps) = decode_opened(record).unwrap_or_else(|error| (error.to_string(), Vec::new()));
+        let (layout, again) = (Layout::new(&taps), taps.iter().filter(|tap| tap.is_second_reading()).count());
+        if let Some(casing) = self.open.iter_mut().find(|casing| casing.number == number) {
+            self.audience.progress.more((again.saturating_sub(casing.again)) as u64);
+            (casing.layout, casing.again) = (layout, again);
+            return;
+        }
+        self.audience.progress.more(again as u64);
+        let station = station_of(&header);
+        self.audience.wires.iter().for_each(|wires| wires.now.opened(station));
+        self.settled_before += header.settled_before_count as usize;
+        if header.settled_before_count > 0 {
+            let there = format!("{} of {}", header.settled_before_count, header.tap_count);
+            let how = match self.has_station(station) {
+                true => "continues".to_owned(),
+                false => format!("waits for station {station}, which is not in the configuration"),
+            };
+            self.audience.progress.print(&format!("casing {name} {how}: {there} taps are done"));
+        }
+        // What was done before is not on the rig any more.
+        drop(std::fs::remove_file(tapline_acquire::last_on_rig(&self.shown.out, station)));
+        tracing::info!(casing = name, station, "is begun");
+        self.open.push(Open { number, name, header, layout, again, ledger: None });
+    }
+
+    /// Takes in what a station reports.
+    fn receive_of_station(&mut self, record: &Received<WaitTopic>) {
+        let Ok(number) = u16::try_from(record.header().mark) else { return };
+        let text = text_of(record);
+        match record.kind() {
+            Some(kind @ (RecordKind::Refusal | RecordKind::Alarm)) => {
+                let text = match text.strip_prefix(OVER) {
+                    Some(begun) => format!("{OVER}station {number}: {begun}"),
+                    None => format!("station {number}: {text}"),
+                };
+                if kind == RecordKind::Refusal {
+                    self.leave_out(text.clone());
+                }
+                self.alarm(text);
+            }
+            kind => {
+                if let Some(station) = self.station(number) {
+                    match kind {
+                        Some(RecordKind::Fault) => station.fault = Some(text).filter(|text| !text.is_empty()),
+                        _ => station.waits_for = text,
+                    }
+                }
+            }
+        }
+        self.is_news = true;
     }
 
     /// Handles the loss of an open casing's file: its station taps it again.
@@ -345,8 +349,8 @@ impl<'a> Supervisor<'a> {
     }
 
     fn leave_out(&mut self, text: String) {
-        if self.pace.left_out.len() < SHOWN_MAX {
-            self.pace.left_out.push(text);
+        if self.outcome.left_out.len() < SHOWN_MAX {
+            self.outcome.left_out.push(text);
         }
     }
 
@@ -448,23 +452,22 @@ impl<'a> Supervisor<'a> {
         of_line.chain(self.stages.troubles()).chain(of_wires).chain(of_receivers).chain(faults).collect()
     }
 
-    fn into_pace(self) -> Pace {
+    fn into_outcome(self) -> LineOutcome {
         let how = |casing: &Open| {
-            let station = u16::try_from(casing.header.station).unwrap_or(u16::MAX);
-            let name = &casing.name;
+            let (name, station) = (&casing.name, station_of(&casing.header));
             match self.has_station(station) {
                 true => format!("casing {name} is not done: the same command continues it"),
                 false => format!("casing {name} is not done: its station {station} is not in the configuration"),
             }
         };
         let unfinished = self.open.iter().map(how).collect();
-        Pace {
+        LineOutcome {
             settled_before: Some(self.settled_before),
             elapsed_s: self.rate.elapsed_s(),
             restarts: self.stages.restarts(),
             reports: self.stages.reports(),
             unfinished,
-            ..self.pace
+            ..self.outcome
         }
     }
 
@@ -472,8 +475,18 @@ impl<'a> Supervisor<'a> {
     fn has_station(&self, number: u16) -> bool {
         self.is_list || self.shown.stations.iter().any(|station| station.number == number)
     }
+
+    /// What is shown of the station with this number, if it is one of the line's.
+    fn station(&mut self, number: u16) -> Option<&mut StationStatus> {
+        self.shown.stations.iter_mut().find(|station| station.number == number)
+    }
 }
 
-fn text_of(record: &Received<CasingTopic>) -> String {
+/// Number of the station that has the casing.
+fn station_of(header: &CasingHeader) -> u16 {
+    u16::try_from(header.station).unwrap_or(u16::MAX)
+}
+
+fn text_of(record: &[u8]) -> String {
     String::from_utf8_lossy(record).into_owned()
 }
