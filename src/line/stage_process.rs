@@ -1,6 +1,5 @@
 //! The stage processes of a line: started, restarted when something kills them, ended in order.
 
-use std::cell::Cell;
 use std::collections::VecDeque;
 use std::io::Read as _;
 use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
@@ -34,10 +33,8 @@ pub(crate) struct StageProcess {
     name: String,
     arguments: Vec<String>,
     child: Option<Child>,
-    /// How its process ended, until [`StageProcess::take_up`].
-    ended: Option<ExitStatus>,
-    is_asked_to_end: Cell<bool>,
-    is_killed: Cell<bool>,
+    is_asked_to_end: bool,
+    is_killed: bool,
     /// Whether it ended because the disk of the archive has failed.
     pub(crate) awaits_disk: bool,
     /// How often it had looked for work when it last had, and when that was, or when it was started.
@@ -60,9 +57,8 @@ impl StageProcess {
             name: role.name(),
             arguments,
             child: None,
-            ended: None,
-            is_asked_to_end: Cell::new(false),
-            is_killed: Cell::new(false),
+            is_asked_to_end: false,
+            is_killed: false,
             awaits_disk: false,
             heard: (0, Instant::now()),
             has_begun: false,
@@ -90,7 +86,7 @@ impl StageProcess {
             .spawn()
             .with_context(|| format!("cannot start {}", self.name))?;
         self.child = Some(child);
-        self.is_killed.set(false);
+        self.is_killed = false;
         self.heard.1 = Instant::now();
         // Whether it is silent is known when it answers.
         self.has_begun = false;
@@ -114,25 +110,24 @@ impl StageProcess {
         self.child.as_ref().map(Child::id)
     }
 
-    /// Whether its process has ended; then [`StageProcess::take_up`] must be called.
-    pub(crate) fn has_ended(&mut self) -> Result<bool> {
-        let Some(child) = &mut self.child else { return Ok(false) };
-        self.ended = child.try_wait().with_context(|| format!("cannot watch {}", self.name))?;
-        Ok(self.ended.is_some())
+    /// How its process has ended, until [`StageProcess::handle_end`]; `None` while it runs.
+    pub(crate) fn ended(&mut self) -> Result<Option<ExitStatus>> {
+        let Some(child) = &mut self.child else { return Ok(None) };
+        child.try_wait().with_context(|| format!("cannot watch {}", self.name))
     }
 
-    /// Handles the end of the process: starts it again, if it `may_restart`, unless it was asked to end.
+    /// Handles the end of the process with this `status`: starts it again, if it `may_restart`, unless it was asked to end.
     ///
     /// Fails if the stage failed by itself, or ends again and again.
-    pub(crate) fn take_up(&mut self, may_restart: bool) -> Result<()> {
-        let (Some(mut child), Some(status)) = (self.child.take(), self.ended.take()) else { return Ok(()) };
+    pub(crate) fn handle_end(&mut self, status: ExitStatus, may_restart: bool) -> Result<()> {
+        let Some(mut child) = self.child.take() else { return Ok(()) };
         let mut printed = String::new();
         if let Some(mut stdout) = child.stdout.take() {
             stdout.read_to_string(&mut printed).with_context(|| format!("cannot read what {} reports", self.name))?;
         }
         self.report = printed.lines().last().and_then(|line| serde_json::from_str(line).ok());
         match (&self.report, status.signal()) {
-            (Some(_), _) if self.is_asked_to_end.get() || !may_restart => Ok(()),
+            (Some(_), _) if self.is_asked_to_end || !may_restart => Ok(()),
             (Some(_), _) => self.restart("was asked to end by another process"),
             (None, Some(signal)) if may_restart => self.restart(&format!("was killed by signal {signal}")),
             (None, Some(signal)) => {
@@ -159,7 +154,7 @@ impl StageProcess {
         self.spawn()
     }
 
-    /// Notes that it has looked for work so many times; returns an alarm if it has just become silent.
+    /// Notes how often it has looked for work so far; returns an alarm when its silence begins, and when that is over.
     pub(crate) fn hear(&mut self, beats: u32) -> Option<String> {
         let (before, heard_at) = self.heard;
         if beats != before {
@@ -189,7 +184,7 @@ impl StageProcess {
     /// What is wrong with it at this moment.
     pub(crate) fn trouble(&self) -> Option<String> {
         let (count, within) = UNSTEADY;
-        if self.child.is_none() && !self.is_asked_to_end.get() {
+        if self.child.is_none() && !self.is_asked_to_end {
             return Some(format!("{} does not run", self.name));
         }
         if self.is_silent {
@@ -213,18 +208,18 @@ impl StageProcess {
     }
 
     /// Asks the stage to end.
-    pub(crate) fn ask_to_end(&self) {
-        self.is_asked_to_end.set(true);
+    pub(crate) fn ask_to_end(&mut self) {
+        self.is_asked_to_end = true;
         self.signal(Signal::TERM);
     }
 
     pub(crate) fn is_asked_to_end(&self) -> bool {
-        self.is_asked_to_end.get()
+        self.is_asked_to_end
     }
 
     /// Ends the stage by force.
-    pub(crate) fn kill(&self) {
-        if !self.is_killed.replace(true) {
+    pub(crate) fn kill(&mut self) {
+        if !std::mem::replace(&mut self.is_killed, true) {
             tracing::error!(stage = self.name, "does not end; it is killed");
             self.signal(Signal::KILL);
         }

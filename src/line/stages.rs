@@ -92,11 +92,14 @@ impl<'a> Stages<'a> {
         for (number, stage) in self.all.iter_mut().enumerate() {
             // One that must be started again has to wait until there is memory for it.
             let must_wait = is_short && which.contains(&number) && !stage.is_asked_to_end();
-            if !must_wait && stage.has_ended()? {
+            if must_wait {
+                continue;
+            }
+            if let Some(status) = stage.ended()? {
                 has_died = true;
                 // Its shared memory is released before it is started again.
                 self.line.clear_dead();
-                stage.take_up(which.contains(&number))?;
+                stage.handle_end(status, which.contains(&number))?;
             }
         }
         if has_died {
@@ -108,7 +111,7 @@ impl<'a> Stages<'a> {
         Ok(has_died)
     }
 
-    /// Raises an alarm for each that is held up since.
+    /// Raises an alarm for each that is held up, and ends those of the others.
     pub(crate) fn listen(&mut self) {
         for stage in &mut self.all {
             let beats = self.line.beats(stage.role());
@@ -176,8 +179,8 @@ impl<'a> Stages<'a> {
     }
 
     /// Asks some stages to end.
-    pub(crate) fn ask_to_end(&self, which: Range<usize>) {
-        self.all[which].iter().for_each(StageProcess::ask_to_end);
+    pub(crate) fn ask_to_end(&mut self, which: Range<usize>) {
+        self.all[which].iter_mut().for_each(StageProcess::ask_to_end);
     }
 
     /// Whether one of them still runs.
@@ -193,8 +196,8 @@ impl<'a> Stages<'a> {
     }
 
     /// Ends by force those that still run.
-    pub(crate) fn kill(&self, which: Range<usize>) {
-        self.all[which].iter().filter(|stage| stage.is_running()).for_each(StageProcess::kill);
+    pub(crate) fn kill(&mut self, which: Range<usize>) {
+        self.all[which].iter_mut().filter(|stage| stage.is_running()).for_each(StageProcess::kill);
     }
 
     /// Notes progress: restarts until now were not fruitless.
