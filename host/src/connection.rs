@@ -2,8 +2,12 @@
 
 use std::fs;
 use std::net::{IpAddr, SocketAddr, TcpListener};
+use std::os::fd::AsFd;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use rustix::net::sockopt;
 
 /// Longest file of credentials, in bytes.
 const CREDENTIALS_BYTES_MAX: u64 = 65_536;
@@ -88,6 +92,23 @@ pub fn listen(address: SocketAddr) -> std::io::Result<TcpListener> {
     let listener = TcpListener::bind(address)?;
     listener.set_nonblocking(true)?;
     Ok(listener)
+}
+
+/// Has the system end the connection `stream` when its other end has not answered for so long: it was switched off, or its network is
+/// down.
+pub fn end_if_gone(stream: &impl AsFd, after: Duration) {
+    let set = || -> std::io::Result<()> {
+        sockopt::set_tcp_nodelay(stream, true)?;
+        sockopt::set_socket_keepalive(stream, true)?;
+        sockopt::set_tcp_keepidle(stream, after / 2)?;
+        sockopt::set_tcp_keepintvl(stream, after / 4)?;
+        sockopt::set_tcp_keepcnt(stream, 2)?;
+        sockopt::set_tcp_user_timeout(stream, u32::try_from(after.as_millis()).unwrap_or(u32::MAX))?;
+        Ok(())
+    };
+    if let Err(error) = set() {
+        tracing::debug!(%error, "a connection cannot be set up");
+    }
 }
 
 /// Whether `host` is this machine: a loopback address, or the one name that always means it.

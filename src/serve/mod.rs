@@ -34,9 +34,9 @@ use axum::{BoxError, Router};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use maud::html;
-use tapline_host::connection::listen;
+use tapline_host::connection::{end_if_gone, listen};
 use tapline_wire::now_ns;
-use tokio::net::{TcpListener, TcpStream};
+use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, watch};
 use tokio_stream::StreamExt as _;
 use tokio_stream::wrappers::WatchStream;
@@ -54,8 +54,8 @@ const FOLLOWERS_MAX: usize = 16;
 /// How long a client may take to send the head of a request.
 const HEAD_WITHIN: Duration = Duration::from_secs(10);
 
-/// A client that has received nothing for so long is gone, in milliseconds.
-const GONE_AFTER_MS: u32 = 30_000;
+/// A client that has received nothing for so long is gone.
+const GONE_AFTER: Duration = Duration::from_secs(30);
 
 /// How long clients have to receive the last status, and reports to end.
 const END_WITHIN: Duration = Duration::from_millis(300);
@@ -164,7 +164,7 @@ async fn serve(listener: std::net::TcpListener, app: App) -> std::io::Result<()>
             },
             () = &mut ended => break,
         };
-        end_if_gone(&stream);
+        end_if_gone(&stream, GONE_AFTER);
         let service = TowerToHyperService::new(router.clone());
         tokio::spawn(async move {
             let mut http = hyper::server::conn::http1::Builder::new();
@@ -177,14 +177,6 @@ async fn serve(listener: std::net::TcpListener, app: App) -> std::io::Result<()>
     }
     tokio::time::sleep(END_WITHIN).await;
     Ok(())
-}
-
-/// Has the system end the connection when the client receives nothing more: it is frozen, or its network is down.
-fn end_if_gone(stream: &TcpStream) {
-    let set = rustix::net::sockopt::set_tcp_user_timeout(stream, GONE_AFTER_MS);
-    if let Err(error) = set.map_err(std::io::Error::from).and_then(|()| stream.set_nodelay(true)) {
-        tracing::debug!(%error, "a viewer's connection cannot be set up");
-    }
 }
 
 fn router(app: App) -> Router {

@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use anyhow::{Context as _, Result};
-use tapline_host::connection::listen;
+use tapline_host::connection::{end_if_gone, listen};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio_modbus::server::Service;
@@ -22,13 +22,16 @@ use crate::config::wires::ModbusConfig;
 use crate::shown::verdict::CasingVerdict;
 use crate::wires::now::StationState;
 use crate::wires::outbox::Receiver;
-use crate::wires::wire::{News, Plant, Wire, end_if_gone};
+use crate::wires::wire::{News, Plant, Wire};
 
 /// Most connections at once.
 const CONNECTIONS_MAX: usize = 32;
 
 /// Time until the next attempt after a connection could not be accepted.
 const ACCEPT_AGAIN_AFTER: Duration = Duration::from_millis(200);
+
+/// A connection whose other end has not answered for so long is ended.
+const GONE_AFTER: Duration = Duration::from_secs(20);
 
 /// Registers of a station's block.
 const BLOCK: usize = 64;
@@ -78,7 +81,7 @@ async fn serve(listener: std::net::TcpListener, registers: Arc<Registers>, mut n
     let server = Server::new(TcpListener::from_std(listener)?);
     let places = Arc::new(Semaphore::new(CONNECTIONS_MAX));
     let client = |stream: TcpStream, _| {
-        end_if_gone(&stream);
+        end_if_gone(&stream, GONE_AFTER);
         let place = Arc::clone(&places).try_acquire_owned().ok();
         let client = place.map(|place| Client { registers: Arc::clone(&registers), _place: place });
         ready(Ok(client.map(|client| (client, stream))))

@@ -6,8 +6,6 @@ use std::thread::{Builder, JoinHandle};
 use std::time::Duration;
 
 use anyhow::{Context as _, Result};
-use rustix::net::sockopt;
-use tokio::net::TcpStream;
 use tokio::sync::watch;
 
 use crate::wires::now::Now;
@@ -18,9 +16,6 @@ pub(super) const LOOK_EVERY: Duration = Duration::from_millis(200);
 
 /// How long what a wire has begun may take when it ends.
 pub(super) const END_WITHIN: Duration = Duration::from_millis(300);
-
-/// A connection whose other end has not answered for so long is ended.
-const GONE_AFTER: Duration = Duration::from_secs(20);
 
 /// What a wire reports on.
 #[derive(Clone)]
@@ -104,21 +99,5 @@ impl Drop for Wire {
         if let Some(thread) = self.thread.take() {
             drop(thread.join());
         }
-    }
-}
-
-/// Has the system end a connection whose other end is gone: it was switched off, or its network is down.
-pub(super) fn end_if_gone(stream: &TcpStream) {
-    let set = || -> std::io::Result<()> {
-        stream.set_nodelay(true)?;
-        sockopt::set_socket_keepalive(stream, true)?;
-        sockopt::set_tcp_keepidle(stream, GONE_AFTER / 2)?;
-        sockopt::set_tcp_keepintvl(stream, GONE_AFTER / 4)?;
-        sockopt::set_tcp_keepcnt(stream, 2)?;
-        sockopt::set_tcp_user_timeout(stream, u32::try_from(GONE_AFTER.as_millis()).unwrap_or(u32::MAX))?;
-        Ok(())
-    };
-    if let Err(error) = set() {
-        tracing::debug!(%error, "a connection cannot be set up");
     }
 }
