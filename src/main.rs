@@ -48,7 +48,7 @@ fn main() -> ExitCode {
         print_failure("tapline", anyhow::Error::msg(fault).as_ref());
         return ExitCode::from(WRONG_USAGE);
     }
-    if makes_files(&cli.verb) {
+    if unread(&cli.verb) == Unread::Dropped {
         tapline_host::stdout::drop_unread();
     }
     let code = exit_code(&cli.verb);
@@ -61,7 +61,7 @@ fn exit_code(verb: &Verb) -> ExitCode {
     match begin(verb).and_then(|()| dispatch(verb)) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(INCOMPLETE),
-        Err(_) if tapline_host::stdout::fault() == Some(ErrorKind::BrokenPipe) && is_done_unread(verb) => {
+        Err(_) if tapline_host::stdout::fault() == Some(ErrorKind::BrokenPipe) && unread(verb) == Unread::Done => {
             ExitCode::SUCCESS
         }
         Err(error) => {
@@ -81,24 +81,27 @@ fn draws(verb: &Verb) -> bool {
     cfg!(feature = "alsa") && matches!(verb, Verb::Monitor { .. })
 }
 
-/// Whether what `verb` prints only goes along with the files that it makes.
-fn makes_files(verb: &Verb) -> bool {
-    match verb {
-        Verb::Export(args) => args.out.is_some(),
-        Verb::Report(_) | Verb::Reprocess { .. } | Verb::Repack { .. } | Verb::Import(_) | Verb::Reference(_) => true,
-        Verb::Run(_) => true,
-        _ => false,
-    }
+/// What a verb does when nobody reads its output any more: the reader was `head`, for example.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Unread {
+    /// It goes on, because it makes files: what it prints is dropped.
+    Dropped,
+    /// It ends with success, because it only prints. A stage prints for its line, which has ended then.
+    Done,
+    /// It fails: the exit code of `verify`, for example, is about archives that it did not reach.
+    Failed,
 }
 
-/// Whether `verb` succeeds although its reader has gone, as `head` does: only if it just prints. `verify` also
-/// checks, and its exit code must not vouch for what it did not reach. A stage prints for its line, which is gone then.
-fn is_done_unread(verb: &Verb) -> bool {
+fn unread(verb: &Verb) -> Unread {
     match verb {
-        Verb::Export(args) => args.out.is_none(),
-        Verb::Devices { .. } | Verb::Status(_) | Verb::Config(_) | Verb::Completions { .. } | Verb::Stage(_) => true,
-        Verb::Explain { .. } | Verb::Diff { .. } | Verb::Model(_) => true,
-        _ => false,
+        Verb::Export(args) if args.out.is_none() => Unread::Done,
+        Verb::Export(_) | Verb::Import(_) | Verb::Reference(_) | Verb::Report(_) | Verb::Run(_) => Unread::Dropped,
+        Verb::Reprocess { .. } | Verb::Repack { .. } => Unread::Dropped,
+        Verb::Devices { .. } | Verb::Status(_) | Verb::Config(_) | Verb::Completions { .. } | Verb::Stage(_) => {
+            Unread::Done
+        }
+        Verb::Explain { .. } | Verb::Diff { .. } | Verb::Model(_) => Unread::Done,
+        _ => Unread::Failed,
     }
 }
 

@@ -2,7 +2,6 @@
 
 use std::cell::RefCell;
 use std::collections::HashMap;
-use std::marker::PhantomData;
 use std::ops::Deref;
 
 use iceoryx2::identifiers::UniquePublisherId;
@@ -78,12 +77,12 @@ impl<'l, T: Topic> Subscriber<'l, T> {
             };
             let stamp = *sample.user_header().stamp();
             if T::DELIVERY == Delivery::Newest {
-                return Ok(Some(Received { sample, topic: PhantomData }));
+                return Ok(Some(Received { sample }));
             }
             let is_handshake = stamp.kind() == Some(RecordKind::Handshake);
             self.count(sample.origin(), stamp.sequence, is_handshake);
             if !is_handshake {
-                return Ok(Some(Received { sample, topic: PhantomData }));
+                return Ok(Some(Received { sample }));
             }
             let sender = T::SENDER.unwrap_or(Role::Acquire(u16::try_from(stamp.source).unwrap_or(u16::MAX)));
             self.line.answer(sender, stamp.mark);
@@ -119,7 +118,6 @@ impl<'l, T: Topic> Subscriber<'l, T> {
 /// A record in shared memory. It stays valid until this is dropped, even if its sender ends.
 pub struct Received<T: Topic> {
     sample: Sample<Svc, [T::Element], T::Header>,
-    topic: PhantomData<T>,
 }
 
 impl<T: Topic> Received<T> {
