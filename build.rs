@@ -1,4 +1,4 @@
-//! Tells the program what computes its results: a digest of the sources of each crate that computes, and one of
+//! Gives the program the digests of what computes its results: a digest of the sources of each crate that computes, and one of
 //! the versions of what these crates use.
 //!
 //! Results carry these digests, so that numbers from different sources are never taken for the same. What only shows,
@@ -16,17 +16,17 @@ fn main() -> io::Result<()> {
     let mut direct = BTreeSet::new();
     for name in CRATES {
         let folder = root.join(name);
-        tell(name, &digest(&[folder.join("src"), folder.join("Cargo.toml")])?);
+        set(name, &digest(&[folder.join("src"), folder.join("Cargo.toml")])?);
         direct.extend(dependencies(&fs::read_to_string(folder.join("Cargo.toml"))?));
     }
     let lock = root.join("Cargo.lock");
     println!("cargo::rerun-if-changed={}", lock.display());
     let versions = versions(&fs::read_to_string(lock)?, direct);
-    tell("dependencies", &blake3::hash(versions.as_bytes()).to_hex()[..32]);
+    set("dependencies", &blake3::hash(versions.as_bytes()).to_hex()[..32]);
     Ok(())
 }
 
-fn tell(name: &str, digest: &str) {
+fn set(name: &str, digest: &str) {
     println!("cargo::rustc-env=TAPLINE_SOURCE_{}={digest}", name.to_uppercase());
 }
 

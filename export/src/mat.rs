@@ -107,7 +107,7 @@ impl Columns {
         let about = format!("MATLAB 5.0 MAT-file, taps of {} shoulder {}, by tapline", scan.tyre, scan.shoulder);
         write!(out, "{:<116}", plain(&about, 116))?;
         out.write_all(&[0; 8])?;
-        // Version 0x0100, and how a reader tells the order of bytes.
+        // Version 0x0100, and by what a reader knows the order of bytes.
         out.write_all(&[0, 1])?;
         out.write_all(b"IM")?;
         let recording = &reader.plan().recording;

@@ -83,7 +83,7 @@ impl Fusions {
         Fusion::by(&self.fuse, plan, self.set.clone())
     }
 
-    /// Checks that taps are analysed like those of the reference, as far as the configuration tells.
+    /// Checks that taps are analysed like those of the reference, as far as the configuration shows.
     pub(crate) fn check_process(&self) -> Result<()> {
         let Some(set) = &self.set else { return Ok(()) };
         let here = options_of(&self.process)?;

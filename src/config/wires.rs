@@ -29,7 +29,7 @@ pub(crate) struct MqttConfig {
     /// Whether the connection may leave this machine without encryption.
     #[serde(default)]
     pub allows_plain: bool,
-    /// Whether a verdict counts as told only if somebody subscribes to its topic.
+    /// Whether a verdict counts as reported only if somebody subscribes to its topic.
     #[serde(default = "yes")]
     pub needs_subscriber: bool,
 }

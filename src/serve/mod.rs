@@ -194,7 +194,7 @@ fn router(app: App) -> Router {
         .with_state(app)
 }
 
-/// Answers those who may see the line, and tells browsers what they may do with the answer.
+/// Answers those who may see the line, with headers that say what browsers may do with the answer.
 async fn guard(State(app): State<App>, request: Request, next: Next) -> Response {
     let (head, body) = request.into_parts();
     let mut answer = match app.access.refusal(&head).await {

@@ -84,7 +84,7 @@ fn until(is_once: bool) -> Result<Until> {
     Ok(Until { stop: stop_flag().context("cannot listen for signals")?, is_once })
 }
 
-/// What is wrong with the archive at `path`; an error if this program cannot tell, or not now.
+/// What is wrong with the archive at `path`; an error if this program cannot find that out, or not now.
 fn check(path: &Path) -> Result<Option<String>> {
     let report = match tapline_store::verify(path) {
         Ok(report) => report,

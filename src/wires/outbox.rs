@@ -63,7 +63,7 @@ impl Receiver {
 /// The place of a verdict among others: when its casing was finished, and the casing's number.
 type Place = (i64, u64);
 
-/// Called when there is something new to tell.
+/// Called when there is a new verdict to report.
 type Wake = Box<dyn Fn() + Send>;
 
 /// A verdict that somebody has not acknowledged.
@@ -289,7 +289,7 @@ impl Outbox {
         report(file_name, fs::remove_file(self.places.unreported_folder().join(file_name)));
     }
 
-    /// Has `wake` called when there is something new to tell.
+    /// Has `wake` called when there is a new verdict to report.
     pub(crate) fn wake_by(&self, wake: Wake) {
         self.state().wakes.push(wake);
     }

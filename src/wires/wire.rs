@@ -25,7 +25,7 @@ pub(super) struct Plant {
     pub stations: Arc<[u16]>,
 }
 
-/// Tells a wire of news, and of its end.
+/// How a wire learns of news, and of its end.
 #[derive(Debug, Clone)]
 pub(super) struct News {
     count: watch::Receiver<u64>,

@@ -200,10 +200,10 @@ fn a_page_of_a_shift_is_of_all_days() {
     assert_eq!(rows[3]["file"], "2026-11-24/SIM-0002.h5");
 }
 
-/// Catches casings of one name that are compared crosswise, that a table does not tell apart, or of which a copy takes the place
+/// Catches casings of one name that are compared crosswise, that a table does not distinguish, or of which a copy takes the place
 /// of another's; and a single file in whose partner's folder the other casings count.
 #[test]
-fn casings_of_one_name_are_told_apart_by_their_days() {
+fn casings_of_one_name_differ_by_their_days() {
     let sandbox = scanned();
     for (from, to) in [("SIM-0001", "2026-11-23/A"), ("SIM-0002", "2026-11-24/A"), ("SIM-0003", "2026-11-24/B")] {
         fs::create_dir_all(sandbox.path(&format!("day/{to}")).parent().unwrap()).unwrap();

@@ -81,7 +81,7 @@ fn slips_are_recognised() {
 /// Catches a standard output that cannot be written and is taken for a fault of each archive, and a reader that ends early, like
 /// `head`, and makes a verb fail that does nothing but print.
 #[test]
-fn a_standard_output_that_cannot_be_written_is_told_once() {
+fn a_standard_output_that_cannot_be_written_is_reported_once() {
     let sandbox = scanned(3);
     let to_full = |command: &str| {
         let full = OpenOptions::new().write(true).open("/dev/full").unwrap();

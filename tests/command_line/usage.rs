@@ -44,7 +44,7 @@ fn a_level_that_is_none_is_refused() {
 /// Catches a missing or other file that is taken for an archive; an error without its name, or with its cause twice
 /// or not at all; and a folder that is made for nothing.
 #[test]
-fn what_is_no_archive_is_told_by_name() {
+fn what_is_no_archive_is_named() {
     const ABSENT: &str = "No such file or directory";
     let sandbox = Sandbox::new();
     sandbox.write("text.h5", "not an archive");

@@ -93,7 +93,7 @@ fn what_cannot_be_kept_is_refused_before_anything_is_heard() {
 
 /// Catches a sensitivity, gain or voltage that enters the scale the wrong way, and a value out of its bounds.
 #[test]
-fn data_sheets_tell_a_scale() {
+fn data_sheets_give_a_scale() {
     let sandbox = Sandbox::new();
     let state = |arguments: &str| sandbox.run(&format!("calibrate state {arguments} --out s.toml"));
     state("--channel force --full-scale-v 5 --sensitivity-mv 22.5 --gain 10").expect(0);

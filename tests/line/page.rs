@@ -87,15 +87,15 @@ fn a_browser_shows_each_verdict_and_where_the_crack_is() {
     );
     let mut ring = Vec::new();
     fs::rename(sandbox.path("sets/A"), sandbox.path("inbox/A")).unwrap();
-    let told = loop {
+    let reported = loop {
         if let Some(said) = line.line_within(Duration::from_millis(100)) {
             break said;
         }
         ring.push(browser.value("document.querySelectorAll('#station-1 .place.all').length").as_u64().unwrap());
     };
-    let told_ms = now_ns() / 1_000_000;
-    let verdict: Value = serde_json::from_str(&told).unwrap();
-    assert_eq!((&verdict["casing"], &verdict["verdict"]), (&"A".into(), &"REJECT".into()), "{told}");
+    let judged_ms = now_ns() / 1_000_000;
+    let verdict: Value = serde_json::from_str(&reported).unwrap();
+    assert_eq!((&verdict["casing"], &verdict["verdict"]), (&"A".into(), &"REJECT".into()), "{reported}");
     until("the page shows the verdict", || browser.value(state) == "reject");
 
     let seen = browser.value("seen");
@@ -106,8 +106,8 @@ fn a_browser_shows_each_verdict_and_where_the_crack_is() {
         .map(|step| (step["state"].as_str().unwrap(), step["atMs"].as_i64().unwrap()))
         .collect();
     let (_, shown_ms) = *seen.iter().find(|(state, _)| *state == "reject").unwrap();
-    eprintln!("shown {} ms after it was told; {seen:?}; {ring:?} locations", shown_ms - told_ms);
-    assert!(shown_ms - told_ms < 1000, "{seen:?}, told {told_ms}");
+    eprintln!("shown {} ms after it was judged; {seen:?}; {ring:?} locations", shown_ms - judged_ms);
+    assert!(shown_ms - judged_ms < 1000, "{seen:?}, judged {judged_ms}");
     assert!(seen.iter().any(|(state, _)| *state == "scanning"), "{seen:?}");
     // The ring has filled in meanwhile.
     assert!(ring.is_sorted() && ring.iter().any(|&count| count > 0 && count < 48), "{ring:?}");

@@ -6,7 +6,7 @@ use crate::sandbox::running::{Running, until};
 /// Catches a microphone that hears more noise than it did for the reference, unreported in the log, in the status, on
 /// the page of the shift or at the end of a run; and an unchanged rig that is accused because casings are cracked.
 #[test]
-fn a_rig_that_has_changed_is_told() {
+fn a_rig_that_has_changed_is_reported() {
     let sandbox = Sandbox::new();
     let run = |name: &str, simulation: &str, crack: &str, reference: &str| {
         let tyres = (1..=6).map(|k| format!("[[scan.tyre]]\nserial = \"A-{k}\"\n{crack}")).collect::<String>();

@@ -11,7 +11,7 @@ use crate::sandbox::Sandbox;
 use crate::sandbox::running::{Running, until};
 use crate::sandbox::stages::{signal, stage};
 
-/// Catches a casing that is let go before its second reading, an added tap that is lost, one that the archive does not tell from
+/// Catches a casing that is let go before its second reading, an added tap that is lost, one that the archive does not distinguish from
 /// the others, a verdict on the first reading alone, and results that reprocessing does not find again.
 #[test]
 fn a_crack_is_tapped_again_before_it_is_judged() {

@@ -146,7 +146,7 @@ fn a_labelled_reference_teaches() {
 /// Catches a casing that is cracked all round, as nobody knows, among those that passed by themselves; one that is stated to be
 /// sound and is not, without a word; and a reference that is used without one.
 #[test]
-fn what_stands_out_of_a_reference_is_told() {
+fn what_stands_out_of_a_reference_is_reported() {
     let sandbox = Sandbox::new();
     let scan = "[scan]\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.5]\nrepetitions = 1\nseed = 5\n";
     let tyre = |serial: &str, cracks: &str| format!("[[scan.tyre]]\nserial = \"{serial}\"\ncrack = [{cracks}]\n");

@@ -130,9 +130,9 @@ fn a_flag_on_every_tap_is_named_on_the_verdict() {
     assert_eq!(verdict["verdict"], "PASS", "{verdict}");
     assert!(verdict["reasons"].as_str().unwrap().split('|').any(|reason| reason == "flagged"), "{verdict}");
     assert_eq!(verdict["flags"], serde_json::json!({ "low_snr": 1.0 }));
-    let told = sandbox.run("run --config scan.toml --out told").expect(0).out;
-    let told = told.split_whitespace().collect::<Vec<_>>().join(" ");
-    assert!(told.contains("flagged: low_snr on 100 % of the taps"), "{told}");
+    let printed = sandbox.run("run --config scan.toml --out printed").expect(0).out;
+    let printed = printed.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(printed.contains("flagged: low_snr on 100 % of the taps"), "{printed}");
 }
 
 /// The contents without the place and time of the taps.

@@ -34,7 +34,7 @@ fn a_file_that_is_not_whole_or_not_the_same_is_refused() {
     }
     assert!(done.err.contains("ERROR made/C2.h5 is not taken by the centre"), "{}", done.err);
 
-    // Told again, but not sent again, unless it is asked for, or is another file by now.
+    // Reported again, but not sent again, unless it is asked for, or is another file by now.
     assert_eq!(sandbox.run(&to).expect(3).out.matches("\"refused\"").count(), 2);
     fs::write(sandbox.path("made/C2.h5"), &made[Path::new("C2.h5")]).unwrap();
     fs::remove_file(sandbox.path("centre/a/C3.h5")).unwrap();

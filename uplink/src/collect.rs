@@ -29,8 +29,8 @@ const ASKED_FOR: Duration = Duration::from_secs(15);
 /// How long a server may take for the next bytes of a file before the file is given up, to be sent again.
 const NEXT_BYTES_WITHIN: Duration = Duration::from_secs(20);
 
-/// How often the server is told that a file is still being taken or checked.
-const TOLD_EVERY: Duration = Duration::from_secs(5);
+/// How often the server is informed that a file is still being taken or checked.
+const INFORM_EVERY: Duration = Duration::from_secs(5);
 
 /// After how long a file that could not be written may be given to another collector.
 const OTHER_AFTER: Duration = Duration::from_secs(5);
@@ -59,7 +59,7 @@ pub struct Collected {
     pub receipt: Receipt,
 }
 
-/// Takes files until it is over; returns whether none was refused. `tell` gets each.
+/// Takes files until it is over; returns whether none was refused. `report` gets each.
 ///
 /// # Errors
 /// A folder that cannot be used and, if this is done once, trouble that lasts for a minute. Other troubles are logged,
@@ -68,23 +68,23 @@ pub fn collect(
     server: &Server,
     collector: &Collector,
     until: &Until,
-    mut tell: impl FnMut(&Collected),
+    mut report: impl FnMut(&Collected),
 ) -> Result<bool> {
     let folder = Folder::open(&collector.folder, &collector.host)?;
     let mut is_fine = true;
     session::run(until, async |trouble| {
         let jetstream =
             JetStream::connect(server, &format!("tapline collect {}", folder.name), &collector.bucket).await?;
-        let mut tell = |collected: Collected| {
+        let mut report_one = |collected: Collected| {
             if let Fate::Refused(why) = &collected.receipt.fate {
                 tracing::error!("{} is not taken: {why}", collected.file);
                 is_fine = false;
             }
-            tell(&collected);
+            report(&collected);
         };
         let mut collecting = Collecting { jetstream: &jetstream, folder: &folder, check: collector.check };
-        collecting.recover(&mut tell).await?;
-        collecting.attempt(until, &mut tell, trouble).await
+        collecting.recover(&mut report_one).await?;
+        collecting.attempt(until, &mut report_one, trouble).await
     })?;
     Ok(is_fine)
 }
@@ -97,7 +97,7 @@ struct Collecting<'a> {
 
 impl Collecting<'_> {
     /// Puts the drafts in their places for which this collector has given the receipt, and removes the others.
-    async fn recover(&mut self, tell: &mut impl FnMut(Collected)) -> Result<()> {
+    async fn recover(&mut self, report: &mut impl FnMut(Collected)) -> Result<()> {
         for file in self.folder.drafts()? {
             let receipt = self
                 .jetstream
@@ -105,7 +105,7 @@ impl Collecting<'_> {
                 .await?
                 .filter(|receipt| receipt.collector == self.folder.name && receipt.fate == Fate::Received);
             match receipt {
-                Some(receipt) => self.place(file, receipt, tell).await?,
+                Some(receipt) => self.place(file, receipt, report).await?,
                 None => self.folder.discard(&file),
             }
         }
@@ -113,7 +113,12 @@ impl Collecting<'_> {
     }
 
     /// Takes files until there is trouble, or nothing is left to take and that is all that was asked.
-    async fn attempt(&mut self, until: &Until, tell: &mut impl FnMut(Collected), trouble: &mut Trouble) -> Result<()> {
+    async fn attempt(
+        &mut self,
+        until: &Until,
+        report: &mut impl FnMut(Collected),
+        trouble: &mut Trouble,
+    ) -> Result<()> {
         let mut queue = self.jetstream.queue().await?;
         // No more than is taken at once, so that nothing waits behind a collector while another is idle.
         let messages = queue.stream().max_messages_per_batch(1).expires(ASKED_FOR).heartbeat(ASKED_FOR / 3);
@@ -128,7 +133,7 @@ impl Collecting<'_> {
                 continue;
             };
             let message = next.context("the queue has ended")?.context("the queue returns no message")?;
-            if let Err(error) = self.take(&message, tell).await {
+            if let Err(error) = self.take(&message, report).await {
                 // Another collector, or this one again, gets the file. If the server does not hear it, the file's time runs out.
                 drop(message.ack_with(AckKind::Nak(Some(OTHER_AFTER))).await);
                 return Err(error);
@@ -139,7 +144,7 @@ impl Collecting<'_> {
     }
 
     /// Takes the file that was announced, unless it is settled.
-    async fn take(&mut self, message: &Message, tell: &mut impl FnMut(Collected)) -> Result<()> {
+    async fn take(&mut self, message: &Message, report: &mut impl FnMut(Collected)) -> Result<()> {
         let name = String::from_utf8_lossy(&message.payload);
         let file: CasingFile = match name.parse() {
             Ok(file) => file,
@@ -156,17 +161,17 @@ impl Collecting<'_> {
         let digest = info.digest.with_context(|| format!("the server returns no digest of {file}"))?;
         match digest_of(&self.folder.place(&file))? {
             Some((there, bytes)) if there == digest => {
-                self.give(file, self.receipt(digest, bytes, Fate::Received), tell).await
+                self.give(file, self.receipt(digest, bytes, Fate::Received), report).await
             }
             Some(_) => {
                 let why = format!("{} has another file of this name", self.folder.name);
-                self.give(file, self.receipt(digest, info.size as u64, Fate::Refused(why)), tell).await
+                self.give(file, self.receipt(digest, info.size as u64, Fate::Refused(why)), report).await
             }
             None => match self.write_draft(message, &file).await {
                 Ok(Read::Whole { digest, bytes }) => {
                     let fate = self.checked(message, &file).await;
                     let fate = fate.inspect_err(|_| self.folder.discard(&file))?;
-                    self.give(file, self.receipt(digest, bytes, fate), tell).await
+                    self.give(file, self.receipt(digest, bytes, fate), report).await
                 }
                 Ok(Read::Lost(why)) => {
                     tracing::warn!("{file} was lost on its way ({why}): it is asked for again");
@@ -190,7 +195,7 @@ impl Collecting<'_> {
         let (check, draft) = (self.check, self.folder.draft(file));
         let mut checking = tokio::task::spawn_blocking(move || check(&draft));
         loop {
-            match timeout(TOLD_EVERY, &mut checking).await {
+            match timeout(INFORM_EVERY, &mut checking).await {
                 Ok(found) => return Ok(found??.map_or(Fate::Received, Fate::Refused)),
                 Err(_) => drop(message.ack_with(AckKind::Progress).await),
             }
@@ -203,7 +208,7 @@ impl Collecting<'_> {
         let context = || format!("cannot write {}", draft.display());
         let mut to = tokio::fs::File::from_std(self.folder.begin(file)?);
         let mut from = self.jetstream.object(file).await.with_context(|| format!("the server does not give {file}"))?;
-        let (mut buffer, mut count, mut told) = (vec![0; 1 << 17], 0, Instant::now());
+        let (mut buffer, mut count, mut informed_at) = (vec![0; 1 << 17], 0, Instant::now());
         loop {
             let read = match timeout(NEXT_BYTES_WITHIN, from.read(&mut buffer)).await {
                 Err(_) => return Ok(Read::Lost(format!("nothing came for {} s", NEXT_BYTES_WITHIN.as_secs()))),
@@ -213,10 +218,10 @@ impl Collecting<'_> {
             };
             to.write_all(&buffer[..read]).await.with_context(context)?;
             count += read as u64;
-            if told.elapsed() > TOLD_EVERY {
+            if informed_at.elapsed() > INFORM_EVERY {
                 // If the server does not hear it, another collector may get the file too: the receipt decides.
                 drop(message.ack_with(AckKind::Progress).await);
-                told = Instant::now();
+                informed_at = Instant::now();
             }
         }
         to.flush().await.with_context(context)?;
@@ -229,14 +234,14 @@ impl Collecting<'_> {
     }
 
     /// Gives the receipt of `file`, unless another has given one, and places or discards its draft.
-    async fn give(&self, file: CasingFile, receipt: Receipt, tell: &mut impl FnMut(Collected)) -> Result<()> {
+    async fn give(&self, file: CasingFile, receipt: Receipt, report: &mut impl FnMut(Collected)) -> Result<()> {
         let is_ours = self.jetstream.give(&file, &receipt).await?;
         match is_ours && receipt.fate == Fate::Received {
-            true => self.place(file.clone(), receipt, tell).await?,
+            true => self.place(file.clone(), receipt, report).await?,
             false => {
                 self.folder.discard(&file);
                 if is_ours {
-                    tell(Collected { path: self.folder.place(&file), file: file.clone(), receipt });
+                    report(Collected { path: self.folder.place(&file), file: file.clone(), receipt });
                 }
             }
         }
@@ -244,13 +249,13 @@ impl Collecting<'_> {
     }
 
     /// Puts the draft of `file`, for which `receipt` was given, in its place.
-    async fn place(&self, file: CasingFile, receipt: Receipt, tell: &mut impl FnMut(Collected)) -> Result<()> {
+    async fn place(&self, file: CasingFile, receipt: Receipt, report: &mut impl FnMut(Collected)) -> Result<()> {
         let path = self.folder.place(&file);
         if self.folder.draft(&file).exists() {
             self.folder.put_in_place(&file)?;
         }
         ensure!(path.exists(), "{} is gone, although {} has given a receipt for it", path.display(), receipt.collector);
-        tell(Collected { file, path, receipt });
+        report(Collected { file, path, receipt });
         Ok(())
     }
 }
@@ -265,4 +270,4 @@ enum Read {
     Lost(String),
 }
 
-const _: () = assert!(TOLD_EVERY.as_secs() + NEXT_BYTES_WITHIN.as_secs() < TAKEN_WITHIN.as_secs());
+const _: () = assert!(INFORM_EVERY.as_secs() + NEXT_BYTES_WITHIN.as_secs() < TAKEN_WITHIN.as_secs());

@@ -25,8 +25,8 @@ const LOOK_EVERY: (Duration, Duration) = (Duration::from_millis(200), Duration::
 /// After how long without a receipt the server is asked for a file, and reminded of it.
 const ASK_AFTER: Duration = Duration::from_secs(30);
 
-/// After how long it is said that nobody takes what waits.
-const TOLD_AFTER: Duration = Duration::from_secs(60);
+/// After how long it is logged that nobody takes what waits.
+const WARN_AFTER: Duration = Duration::from_secs(60);
 
 /// How often all receipts are asked for again: they may have been removed, so that files are sent again.
 const RECONCILE_EVERY: Duration = Duration::from_secs(3600);
@@ -90,7 +90,7 @@ impl State {
 }
 
 /// Sends the files of a folder until `until`; returns how many have reached a centre. `finished` lists the paths below the folder, and
-/// `tell` gets each that was sent or refused, once.
+/// `report` gets each that was sent or refused, once.
 ///
 /// # Errors
 /// A runtime that cannot be started and, if this is done once, trouble that lasts for a minute. Other troubles are
@@ -100,20 +100,14 @@ pub fn send(
     sender: &Sender,
     until: &Until,
     mut finished: impl FnMut() -> Result<Vec<PathBuf>>,
-    mut tell: impl FnMut(&Sent),
+    mut report: impl FnMut(&Sent),
 ) -> Result<Standing> {
     let now = Instant::now();
-    let mut sending = Sending {
-        sender,
-        files: BTreeMap::new(),
-        again: sender.again,
-        reconciled: now,
-        taken: now,
-        is_waiting_told: false,
-    };
+    let mut sending =
+        Sending { sender, files: BTreeMap::new(), again: sender.again, reconciled: now, taken: now, has_warned: false };
     session::run(until, async |trouble| {
         let carrier = JetStream::connect(server, &format!("tapline uplink {}", sender.site), &sender.bucket).await?;
-        sending.attempt(&carrier, until, &mut finished, &mut tell, trouble).await
+        sending.attempt(&carrier, until, &mut finished, &mut report, trouble).await
     })?;
     let is_received = |state: &&State| matches!(state, State::Settled { receipt, is_same: true, .. } if receipt.fate == Fate::Received);
     Ok(Standing { files: sending.files.len(), at_centre: sending.files.values().filter(is_received).count() })
@@ -126,7 +120,7 @@ struct Sending<'a> {
     reconciled: Instant,
     /// When a centre took a file last, or none waited.
     taken: Instant,
-    is_waiting_told: bool,
+    has_warned: bool,
 }
 
 impl Sending<'_> {
@@ -136,7 +130,7 @@ impl Sending<'_> {
         carrier: &JetStream,
         until: &Until,
         finished: &mut impl FnMut() -> Result<Vec<PathBuf>>,
-        tell: &mut impl FnMut(&Sent),
+        report: &mut impl FnMut(&Sent),
         trouble: &mut Trouble,
     ) -> Result<()> {
         // What ended the last connection may also have lost files on the server.
@@ -160,7 +154,7 @@ impl Sending<'_> {
             // What was taken out of the folder is no longer sent.
             let listed: BTreeSet<&PathBuf> = paths.iter().collect();
             self.files.retain(|path, _| listed.contains(path));
-            self.ask(carrier, &paths, tell).await?;
+            self.ask(carrier, &paths, report).await?;
             self.again = false;
             for path in &paths {
                 self.put(carrier, path, trouble).await?;
@@ -172,30 +166,30 @@ impl Sending<'_> {
                 return Ok(());
             }
             let is_busy = self.files.values().any(|state| matches!(state, State::Waits { .. }));
-            self.tell_waiting(is_busy);
+            self.warn_of_waiting(is_busy);
             // A folder of years may take long to list: a twentieth of the time at most goes into that.
             until.wait(if is_busy { LOOK_EVERY.0 } else { LOOK_EVERY.1 }.max(20 * listed_in)).await;
         }
     }
 
-    /// Says that no centre takes what waits, and that it does again.
-    fn tell_waiting(&mut self, is_busy: bool) {
+    /// Logs when no centre takes what waits, and when one does again.
+    fn warn_of_waiting(&mut self, is_busy: bool) {
         if !is_busy {
             self.taken = Instant::now();
         }
-        let is_waiting = self.taken.elapsed() > TOLD_AFTER;
-        if is_waiting != self.is_waiting_told {
+        let is_waiting = self.taken.elapsed() > WARN_AFTER;
+        if is_waiting != self.has_warned {
             let what = format!("no collector takes the files that wait in the bucket {}", self.sender.bucket);
             match is_waiting {
-                true => tracing::warn!("for {} s {what}", TOLD_AFTER.as_secs()),
+                true => tracing::warn!("for {} s {what}", WARN_AFTER.as_secs()),
                 false => tracing::warn!("over: {what}"),
             }
         }
-        self.is_waiting_told = is_waiting;
+        self.has_warned = is_waiting;
     }
 
     /// Asks for the receipts of files that wait, and of those of which nothing is known yet.
-    async fn ask(&mut self, carrier: &JetStream, paths: &[PathBuf], tell: &mut impl FnMut(&Sent)) -> Result<()> {
+    async fn ask(&mut self, carrier: &JetStream, paths: &[PathBuf], report: &mut impl FnMut(&Sent)) -> Result<()> {
         let mut asked = Vec::new();
         for path in paths {
             if self.files.get(path).is_some_and(|state| !state.is_asked()) {
@@ -223,7 +217,7 @@ impl Sending<'_> {
                         carrier.forget(&file).await?;
                         self.files.insert(path, State::Unsent);
                     } else {
-                        self.settle(path, file, receipt, is_same, tell);
+                        self.settle(path, file, receipt, is_same, report);
                     }
                 }
                 None if matches!(self.files.get(&path), Some(State::Waits { .. })) => {}
@@ -238,8 +232,8 @@ impl Sending<'_> {
         match self.files.get(path) {
             Some(State::Waits { digest: Some(digest), .. }) => *digest == receipt.digest,
             Some(State::Settled { receipt: before, is_same, .. }) if before == receipt => *is_same,
-            // Sent before this process began. A file is never written again: its size tells another of that name, or, if it
-            // was written after the receipt, its digest.
+            // Sent before this process began. A file is never written again: another of that name differs in its size or, if it
+            // was written after the receipt, in its digest.
             _ => {
                 let there = self.sender.folder.join(path);
                 there.metadata().is_ok_and(|metadata| {
@@ -253,7 +247,7 @@ impl Sending<'_> {
         }
     }
 
-    /// Settles a file by its receipt, and passes it to `tell` if it is news: a file that was there before this process
+    /// Settles a file by its receipt, and passes it to `report` if it is news: a file that was there before this process
     /// began is none.
     fn settle(
         &mut self,
@@ -261,7 +255,7 @@ impl Sending<'_> {
         file: CasingFile,
         receipt: Receipt,
         is_same: bool,
-        tell: &mut impl FnMut(&Sent),
+        report: &mut impl FnMut(&Sent),
     ) {
         let state = State::Settled { receipt: receipt.clone(), is_same, is_due: false };
         let there = self.sender.folder.join(&path);
@@ -281,7 +275,7 @@ impl Sending<'_> {
             Fate::Received => self.taken = Instant::now(),
             Fate::Refused(why) => tracing::error!("{} is not taken by the centre: {why}", there.display()),
         }
-        tell(&Sent { file, receipt });
+        report(&Sent { file, receipt });
     }
 
     /// Publishes the file at `path` if it has no receipt and is not on the server, and not too many are on their way.

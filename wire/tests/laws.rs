@@ -37,7 +37,7 @@ fn law_1_only_acquire_reads_a_clock_for_a_result() {
         "store/src/stage/places.rs",           // names of files and folders
         "store/src/stage/unreported.rs",       // when a casing's file was finished
         "wire/src/clock.rs",                   // where it is read
-        "wire/src/stream/line.rs",             // tells a process's lives apart
+        "wire/src/stream/line.rs",             // distinguishes the runs of a process
     ];
     assert_eq!(readers, allowed);
 }

@@ -260,7 +260,7 @@ mod tests {
         assert_eq!(names(&one, true), [results]);
     }
 
-    /// Catches two files of one name, whose rows could not be told apart.
+    /// Catches two files of one name, whose rows could not be distinguished.
     #[test]
     fn of_several_folders_names_begin_with_theirs() {
         let folder = made(&["x/A.h5", "y/A.h5", "y/x/A.h5", "empty/a.txt"]);

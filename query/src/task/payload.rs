@@ -1,4 +1,4 @@
-//! A task as bytes, with what tells builds of this program apart.
+//! A task as bytes, with a digest that differs between builds of this program.
 
 use anyhow::{Context as _, Result, ensure};
 use serde::{Deserialize, Serialize};

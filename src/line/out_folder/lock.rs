@@ -125,7 +125,7 @@ mod tests {
 
     /// Catches a folder without permission that is reported as another user's.
     #[test]
-    fn who_may_not_write_is_told_why() {
+    fn a_folder_without_permission_is_not_called_another_users() {
         let folder = tempfile::tempdir().unwrap();
         assert!(lock_refused(folder.path(), Errno::ACCESS).starts_with("cannot write into "));
         std::fs::write(folder.path().join(LOCK), "").unwrap();

@@ -187,8 +187,8 @@
     const why = judged && judged.verdict !== 'PASS' ? reasonsOf(judged) : '';
     put(of.caption, [name, where || why].filter(Boolean).join(': '));
     const refusals = refused ? `, ${refused} with a refused tap` : '';
-    const told = judged ? `${judged.verdict}${where ? `, damage at ${where}` : ''}` : `${done} of ${count} locations tapped`;
-    set(of.svg, 'aria-label', `${name}: ${told}${refusals}`);
+    const state = judged ? `${judged.verdict}${where ? `, damage at ${where}` : ''}` : `${done} of ${count} locations tapped`;
+    set(of.svg, 'aria-label', `${name}: ${state}${refusals}`);
     keyed(of.arcs, JSON.stringify(arcs), () => arcs.flatMap((arc) => {
       if (!of.isRing) return strips(arc, count);
       if (arc.start_deg === null) return [];

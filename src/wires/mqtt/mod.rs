@@ -33,8 +33,8 @@ const SHOW_EVERY: Duration = Duration::from_secs(5);
 /// After how many seconds a broker forgets the state of a station.
 const STANDS_FOR_S: u32 = 15;
 
-/// When a verdict to which nobody has subscribed is published again.
-const TELL_AGAIN_AFTER: Duration = Duration::from_secs(1);
+/// After how long a verdict to which nobody has subscribed is published again.
+const PUBLISH_AGAIN_AFTER: Duration = Duration::from_secs(1);
 
 /// Time until the next attempt to connect: at first, and at most.
 const CONNECT_AGAIN_AFTER: (Duration, Duration) = (Duration::from_millis(200), Duration::from_secs(5));
@@ -95,7 +95,7 @@ async fn publish(client: Client, config: MqttConfig, plant: Plant, news: News) -
             news: news.clone(),
             troubles: Rc::clone(&troubles),
             shown: None,
-            tell_at: Instant::now(),
+            publish_at: Instant::now(),
         };
         all.spawn_local(async move { lane.run().await });
     }
@@ -120,7 +120,7 @@ struct Lane {
     /// The state of the station that was last published, and when.
     shown: Option<(String, Instant)>,
     /// When verdicts may be published again.
-    tell_at: Instant,
+    publish_at: Instant,
 }
 
 impl Lane {
@@ -155,16 +155,16 @@ impl Lane {
     async fn serve(&mut self, connection: &mut Connection) -> Result<()> {
         loop {
             self.show(connection).await?;
-            self.tell(connection).await?;
+            self.publish_verdicts(connection).await?;
             tokio::select! {
                 biased;
                 why = connection.lost() => return Err(why),
                 goes_on = self.news.next() => if !goes_on { break },
             }
         }
-        self.tell_at = Instant::now();
+        self.publish_at = Instant::now();
         // What is not reported by then is reported after the next start.
-        drop(timeout(END_WITHIN, self.tell(connection)).await);
+        drop(timeout(END_WITHIN, self.publish_verdicts(connection)).await);
         self.shown = None;
         self.show(connection).await
     }
@@ -181,8 +181,8 @@ impl Lane {
     }
 
     /// Publishes the verdicts that are still to be reported.
-    async fn tell(&mut self, connection: &mut Connection) -> Result<()> {
-        if Instant::now() < self.tell_at {
+    async fn publish_verdicts(&mut self, connection: &mut Connection) -> Result<()> {
+        if Instant::now() < self.publish_at {
             return Ok(());
         }
         self.set_trouble(NO_CONNECTION, None);
@@ -195,7 +195,7 @@ impl Lane {
             let receipt = connection.publish(&message).await?;
             if receipt == Receipt::NoSubscriber && self.needs_subscriber {
                 trouble = Some(format!("mqtt: nobody subscribes to {}, so verdicts wait", message.topic));
-                self.tell_at = Instant::now() + TELL_AGAIN_AFTER;
+                self.publish_at = Instant::now() + PUBLISH_AGAIN_AFTER;
                 break;
             }
             outbox.acknowledge(Receiver::Mqtt, note.number);

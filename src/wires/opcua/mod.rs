@@ -170,7 +170,7 @@ async fn serve(listener: std::net::TcpListener, prepared: Prepared, plant: Plant
     let mut ended = news.clone();
     let run = server.run_with(listener);
     tokio::pin!(run);
-    let tell = async {
+    let publish = async {
         let mut count = plant.outbox.count();
         while news.next().await {
             for (number, note) in plant.outbox.newer(Receiver::OpcUa, count) {
@@ -183,7 +183,7 @@ async fn serve(listener: std::net::TcpListener, prepared: Prepared, plant: Plant
     };
     tokio::select! {
         ran = &mut run => return ran.map_err(|error| anyhow!("the server has ended: {error}")),
-        () = tell => {}
+        () = publish => {}
         () = ended.ended() => {}
     }
     handle.cancel();
@@ -191,7 +191,7 @@ async fn serve(listener: std::net::TcpListener, prepared: Prepared, plant: Plant
     Ok(())
 }
 
-/// Tells clients that have subscribed to it that a verdict is ready.
+/// Sends clients that have subscribed to it the event that a verdict is ready.
 fn notify(handle: &ServerHandle, namespaces: Namespaces, verdict: &CasingVerdict) {
     let source = nodes::management(namespaces);
     let event = ResultReady::new(verdict, namespaces.of_line("casing-judged"), &source, namespaces.result);

@@ -15,7 +15,8 @@ fn said(client: &mut Running) -> Value {
     line
 }
 
-/// Catches a verdict that is lost, changed, told twice or again after it was acknowledged, and one that stands when the next casing has come.
+/// Catches a verdict that is lost, changed, reported twice or again after it was acknowledged, and one that stands when the next casing
+/// has come.
 #[test]
 fn a_controller_acknowledges_each_verdict() {
     let Some(python) = tapline_testing::python_with("pymodbus") else { return };

@@ -17,7 +17,7 @@ use crate::sandbox::Sandbox;
 use crate::sandbox::broker::{Broker, Heard, Subscriber, free_port};
 use crate::sandbox::running::{Running, until};
 
-/// Catches a verdict that is lost with a broker, told under another id, or differs from the one that is printed; a line that waits
+/// Catches a verdict that is lost with a broker, reported under another id, or differs from the one that is printed; a line that waits
 /// for a broker, or does not report one that is away; and a payload that is not what the schema says.
 #[test]
 fn every_verdict_arrives_although_the_broker_is_killed() {
@@ -186,12 +186,12 @@ fn the_broker_must_be_vouched_for_and_is_acknowledged_who_connects() {
     refused("refuse");
     config("ca.pem", "user");
     let line = Running::start(&sandbox, "line --config plant.toml --out out --json");
-    let told = [(); 2].map(|()| subscriber.wait_for(|message| message.topic.ends_with("/verdict")).payload);
-    assert_eq!(by_id(&told).len(), 2);
+    let reported = [(); 2].map(|()| subscriber.wait_for(|message| message.topic.ends_with("/verdict")).payload);
+    assert_eq!(by_id(&reported).len(), 2);
     line.interrupt().expect(0);
 }
 
-/// Catches a verdict that counts as told although nobody has subscribed to it, one that is kept where nobody has to, and monitoring
+/// Catches a verdict that counts as reported although nobody has subscribed to it, one that is kept where nobody has to, and monitoring
 /// that does not show that verdicts wait.
 #[test]
 fn a_verdict_waits_for_a_subscriber() {
@@ -216,8 +216,8 @@ fn a_verdict_waits_for_a_subscriber() {
     assert_eq!(done.err.matches("nobody subscribes").count(), 1, "{}", done.err);
     let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json");
     let subscriber = Subscriber::start(broker.port, &[]);
-    let told = [(); 2].map(|()| subscriber.wait_for(|message| message.topic.ends_with("/verdict")).payload);
-    assert_eq!(by_id(&told), by_id(&printed));
+    let reported = [(); 2].map(|()| subscriber.wait_for(|message| message.topic.ends_with("/verdict")).payload);
+    assert_eq!(by_id(&reported), by_id(&printed));
     until("nothing is left to report", || unreported(&sandbox).is_empty());
     line.assert_runs();
     line.interrupt().expect(0);

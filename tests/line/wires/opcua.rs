@@ -80,7 +80,7 @@ fn results_are_offered_until_they_are_acknowledged() {
     let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json");
     let address = address_of(&mut line, "OPC UA");
     let mut client = client(&python, "opcua.py", &[&address]);
-    let told = [(); 2].map(|()| {
+    let reported = [(); 2].map(|()| {
         let result = next(&mut client, "result");
         let answers = next(&mut client, "acknowledged");
         let id = &result["result"]["id"];
@@ -89,7 +89,7 @@ fn results_are_offered_until_they_are_acknowledged() {
         assert_eq!(*id, answers["acknowledged"]);
         result["verdict"].clone()
     });
-    assert_eq!(by_id(&told), printed);
+    assert_eq!(by_id(&reported), printed);
     assert_eq!(next(&mut client, "latest")["latest"], Value::Null, "the line has just started");
     until("nothing is left to report", || unreported(&sandbox).is_empty());
     until("nothing waits", || status(&sandbox)["receivers"][0]["waiting"] == 0);
@@ -134,7 +134,7 @@ fn who_is_let_in_is_trusted_and_has_the_password() {
         drop(client.finish());
     }
     let mut client = start("secret", true);
-    let told = [(); 2].map(|()| next(&mut client, "result")["verdict"].clone());
-    assert_eq!(by_id(&told), by_id(&line.verdicts(2)));
+    let reported = [(); 2].map(|()| next(&mut client, "result")["verdict"].clone());
+    assert_eq!(by_id(&reported), by_id(&line.verdicts(2)));
     line.interrupt().expect(0);
 }

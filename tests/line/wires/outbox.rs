@@ -17,13 +17,13 @@ use crate::sandbox::running::{Running, until};
 fn keeping_hook(sandbox: &Sandbox) -> String {
     format!(
         "[line]\non_verdict = '''read -r line && echo \"$TAPLINE_ID $line\" >> {}'''\n",
-        sandbox.path("told").display()
+        sandbox.path("reported").display()
     )
 }
 
-/// What the hook was told: id and verdict.
-fn told(sandbox: &Sandbox) -> Vec<(String, Value)> {
-    let text = fs::read_to_string(sandbox.path("told")).unwrap_or_default();
+/// What the hook has received: id and verdict.
+fn reported(sandbox: &Sandbox) -> Vec<(String, Value)> {
+    let text = fs::read_to_string(sandbox.path("reported")).unwrap_or_default();
     let pair = |line: &str| line.split_once(' ').map(|(id, text)| (id.to_owned(), serde_json::from_str(text).unwrap()));
     text.lines().filter_map(pair).collect()
 }
@@ -49,7 +49,7 @@ fn each_step_between_two_can_be_the_last_of_a_line() {
     let verdicts = line.verdicts(2);
     line.finish().expect(0);
     assert!(unreported(&sandbox).is_empty(), "{:?}", unreported(&sandbox));
-    assert_eq!(told(&sandbox).len(), 2);
+    assert_eq!(reported(&sandbox).len(), 2);
     let (first, second) = (&verdicts[0], &verdicts[1]);
     let path = |verdict: &Value| PathBuf::from(verdict["file"].as_str().unwrap());
     let folder = sandbox.path("out/unreported");
@@ -66,27 +66,27 @@ fn each_step_between_two_can_be_the_last_of_a_line() {
         fs::write(folder.join(format!("{}{end}", note.id())), serde_json::to_vec(&note).unwrap()).unwrap();
     };
 
-    // Killed after the file had its name and before anything was told; and after it was printed. Something foreign stays.
+    // Killed after the file had its name and before anything was reported; and after it was printed. Something foreign stays.
     put(first, "");
     put(second, ".stdout");
     fs::write(folder.join("0123.new"), "{").unwrap();
     fs::write(folder.join("foreign"), "not a note").unwrap();
     let mut line = idle_line(&sandbox);
     assert_eq!(line.verdict(), *first, "the verdict is what it was");
-    until("both are told", || told(&sandbox).len() == 4);
+    until("both are reported", || reported(&sandbox).len() == 4);
     until("nothing is left to report", || unreported(&sandbox) == ["foreign"]);
     let done = line.interrupt().expect(0);
     assert!(done.out.is_empty() && done.err.contains("foreign is not a note"), "{done:?}");
-    let ids = |told: &[(String, Value)]| told.iter().map(|(id, _)| id.clone()).collect::<Vec<_>>();
-    assert_eq!(ids(&told(&sandbox)[..2]), ids(&told(&sandbox)[2..]));
-    assert!(told(&sandbox).iter().all(|(id, verdict)| *id == verdict["id"]));
+    let ids = |reported: &[(String, Value)]| reported.iter().map(|(id, _)| id.clone()).collect::<Vec<_>>();
+    assert_eq!(ids(&reported(&sandbox)[..2]), ids(&reported(&sandbox)[2..]));
+    assert!(reported(&sandbox).iter().all(|(id, verdict)| *id == verdict["id"]));
 
     // Killed after everyone had acknowledged it, and before the last word of that was on the disk.
     put(first, ".stdout.on_verdict");
     let line = idle_line(&sandbox);
     until("it is not reported again", || unreported(&sandbox) == ["foreign"]);
     assert!(line.interrupt().expect(0).out.is_empty());
-    assert_eq!(told(&sandbox).len(), 4);
+    assert_eq!(reported(&sandbox).len(), 4);
 
     // Killed after the file was sealed, before there was a note; and with a note, before the file had its name.
     for has_note in [false, true] {
@@ -101,12 +101,12 @@ fn each_step_between_two_can_be_the_last_of_a_line() {
         let verdict = line.verdict();
         assert_eq!((&verdict["casing"], &verdict["file"]), (&first["casing"], &first["file"]));
         assert_eq!(verdict["id"], format!("{number:016x}"));
-        until("it is told", || told(&sandbox).len() == 5 + usize::from(has_note));
+        until("it is reported", || reported(&sandbox).len() == 5 + usize::from(has_note));
         until("nothing is left to report", || unreported(&sandbox) == ["foreign"]);
         assert!(line.interrupt().expect(0).out.is_empty());
     }
 
-    // A file that somebody has moved away before its verdict was told: others are told, and it is reported.
+    // A file that somebody has moved away before its verdict was sent: the others are sent, and it is reported.
     put(first, "");
     put(second, "");
     fs::rename(path(first), sandbox.path("elsewhere.h5")).unwrap();
@@ -120,10 +120,10 @@ fn each_step_between_two_can_be_the_last_of_a_line() {
     line.interrupt().expect(0);
 }
 
-/// Catches a verdict that a line which is killed at any moment never tells, a note that stays, and verdicts that differ from what
+/// Catches a verdict that a line which is killed at any moment never reports, a note that stays, and verdicts that differ from what
 /// the archives say.
 #[test]
-fn a_line_that_is_killed_again_and_again_tells_every_verdict() {
+fn a_line_that_is_killed_again_and_again_reports_every_verdict() {
     let sandbox = Sandbox::new();
     slow_plant(&sandbox, 200, 150.0, &keeping_hook(&sandbox));
     let start = || Running::start(&sandbox, "line --config plant.toml --out out --json");
@@ -137,15 +137,15 @@ fn a_line_that_is_killed_again_and_again_tells_every_verdict() {
         drop(line.kill());
     }
     let mut line = start();
-    // It has told what was left before.
+    // It has reported what was left before.
     line.verdict();
     line.interrupt().expect(0);
     assert_eq!(unreported(&sandbox), Vec::<String>::new());
-    let told = told(&sandbox);
+    let reported = reported(&sandbox);
     let mut files = std::collections::BTreeMap::<PathBuf, Value>::new();
-    for (_, verdict) in told {
+    for (_, verdict) in reported {
         let file = PathBuf::from(verdict["file"].as_str().unwrap());
-        // The hook may have run twice for a casing; it was told the same.
+        // The hook may have run twice for a casing; it received the same.
         let before = files.insert(file, verdict.clone());
         assert!(before.is_none_or(|before| before == verdict), "{verdict}");
     }
@@ -162,17 +162,17 @@ fn a_line_that_is_killed_again_and_again_tells_every_verdict() {
 #[test]
 fn a_command_can_ask_to_be_run_again() {
     let sandbox = Sandbox::new();
-    let told = sandbox.path("told");
+    let reported = sandbox.path("reported");
     // The first run of all fails for the moment.
     let hook =
-        format!("[ -e tried ] || {{ touch tried; exit 75; }}; read -r line; echo \"$line\" >> {}", told.display());
+        format!("[ -e tried ] || {{ touch tried; exit 75; }}; read -r line; echo \"$line\" >> {}", reported.display());
     slow_plant(&sandbox, 2, 400.0, &format!("[line]\non_verdict = '''{hook}'''\n"));
     let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json");
     let verdicts = line.verdicts(4);
     until("it is reported", || status(&sandbox)["troubles"].to_string().contains("on_verdict asks to be run again"));
-    assert!(fs::read_to_string(&told).is_err());
-    until("all are told", || fs::read_to_string(&told).is_ok_and(|text| text.lines().count() == 4));
-    let text = fs::read_to_string(&told).unwrap();
+    assert!(fs::read_to_string(&reported).is_err());
+    until("all are reported", || fs::read_to_string(&reported).is_ok_and(|text| text.lines().count() == 4));
+    let text = fs::read_to_string(&reported).unwrap();
     assert_eq!(text.lines().map(parsed).collect::<Vec<_>>(), verdicts);
     until("it is well again", || status(&sandbox)["troubles"].as_array().is_some_and(Vec::is_empty));
     line.interrupt().expect(0);

@@ -213,7 +213,7 @@ mod tests {
             let (header, bytes) = encoded(&ledger, true, true);
             prop_assert_eq!(header.archived_count as usize, ledger.count(TapState::Archived));
             prop_assert_eq!(Ledger::decode(&header, &bytes), Some(ledger.clone()));
-            // Whoever needs no taps is told of the scans alone, and how many taps there are.
+            // Whoever needs no taps gets only the scans, and the number of taps.
             let (header, bytes) = encoded(&ledger, false, true);
             prop_assert_eq!(header.tap_count as usize, ledger.taps().len());
             prop_assert_eq!(Ledger::decode(&header, &bytes).map(|l| l.scans().to_vec()), Some(ledger.scans().to_vec()));

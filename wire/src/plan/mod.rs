@@ -87,7 +87,7 @@ impl Plan {
         Self::from_source(geometry, recording, taps, truth, 0)
     }
 
-    /// The plan of `taps` for the source that `source_digest` tells from others with equal taps but other recordings or
+    /// The plan of `taps` for a source with this `source_digest`, which differs for equal taps with other recordings or
     /// scales. It becomes a part of [`Plan::digest`].
     ///
     /// # Errors
@@ -274,7 +274,7 @@ mod tests {
         assert!(matches!(error, PlanError::TwoStations { first: 1, second: 2, .. }), "{error}");
     }
 
-    /// Catches a source that passes for another: `digest` has a test of all else that tells plans apart.
+    /// Catches a source that passes for another: `digest` has a test of all else in which plans differ.
     #[test]
     fn another_source_has_another_digest() {
         let plan = plan(vec![tap(1, "A", 1, 0)]).unwrap();

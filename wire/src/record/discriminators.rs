@@ -80,7 +80,7 @@ enum Power {
 
 macro_rules! discriminators {
     ($($(#[$doc:meta])* $variant:ident { $($field:ident: $value:expr),* $(,)? })*) => {
-        /// One of the quantities that tell a cracked casing from a sound one (section 2 of the method).
+        /// One of the quantities that differ between cracked and sound casings (section 2 of the method).
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
         #[serde(try_from = "String", into = "String")]
         pub enum Discriminator {

@@ -150,7 +150,7 @@ impl Line {
         self.to(role, Mailbox::notify).unwrap_or_default();
     }
 
-    /// Tells `role` that this process is READY, in answer to the handshake with this number.
+    /// Informs `role` that this process is READY, in answer to the handshake with this number.
     pub(crate) fn answer(&self, role: Role, handshake: u64) {
         self.to(role, |mailbox| mailbox.answer(self.role, handshake)).unwrap_or_default();
     }

@@ -153,7 +153,7 @@ mod tests {
     #[test]
     fn a_gap_is_counted_once() {
         let mut gaps = GapCounter { next: HashMap::new(), lost: 0 };
-        assert_eq!((gaps.note("a", 7, 1), gaps.note("a", 8, 1)), (0, 0), "the first record of a sender tells no gap");
+        assert_eq!((gaps.note("a", 7, 1), gaps.note("a", 8, 1)), (0, 0), "the first record of a sender shows no gap");
         assert_eq!(gaps.note("b", 0, 1), 0);
         assert_eq!(gaps.note("a", 11, 1), 2);
         assert_eq!(gaps.note("a", 12, 1), 0);
