@@ -28,109 +28,20 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
         );
     }
     check_writable(&args.out, args.force.existing())?;
-    let mut wanted: BTreeSet<&str> = args.shoulders.iter().map(String::as_str).collect();
-    let names_none = wanted.is_empty();
-    let mut there = BTreeSet::new();
-    let mut built: Option<Built> = None;
-    let (mut shoulders, mut lineage) = (Vec::new(), Vec::new());
     let archives = Archives::find(&args.archives, args.results.which())?;
     let mut work = Work::on(&archives);
-    let mut first = None;
+    let mut taken = Taken::new(args);
     for file in &archives.files {
-        let path = &file.path;
-        let Some(reader) = work.take(file, Reader::open(path))? else { continue };
+        let Some(reader) = work.take(file, Reader::open(&file.path))? else { continue };
         let Some(records) = work.take(file, reader.discriminators())? else { continue };
-        let records: Vec<_> = records.into_iter().flatten().collect();
         let config = Config::parse(reader.config()).context("its configuration is not one of this program");
         let Some(config) = work.take(file, config)? else { continue };
-        let process = process_of(&config.process, &reader.plan().recording)?;
-        let before = shoulders.len();
-        // A named shoulder counts as sound whatever its verdict was; others only if they passed.
-        let is_wanted = |name: &str, has_passed: bool| {
-            there.insert(name.to_owned());
-            match names_none {
-                true => {
-                    if !has_passed && !args.labelled {
-                        say(&format!(
-                            "{}: {name} did not pass and is left out; name it with --shoulder if known to be sound",
-                            path.display()
-                        ));
-                    }
-                    has_passed || args.labelled
-                }
-                false => {
-                    wanted.remove(name);
-                    args.shoulders.iter().any(|wanted| wanted == name)
-                }
-            }
-        };
-        take(args, &reader, &records, is_wanted, &mut shoulders)?;
-        if shoulders.len() > before {
-            match &built {
-                None => {
-                    built = Some(start(args, &config, process)?);
-                    first = Some(path);
-                }
-                Some(built) if built.process != process => {
-                    let why = format!(
-                        "{}: its taps were recorded or analysed differently from those of {}: {}",
-                        path.display(),
-                        first.unwrap_or(path).display(),
-                        differences(&built.process, &process)
-                    );
-                    // What was asked for by name is not left out.
-                    ensure!(names_none && !args.archives.contains(path), why);
-                    say(&format!("{why}; it is left out"));
-                    shoulders.truncate(before);
-                    continue;
-                }
-                Some(_) => {}
-            }
-            let origin = Origin {
-                archive: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
-                plan_digest: format!("{:016x}", reader.plan().digest()),
-                config: reader.config().to_owned(),
-            };
-            lineage.push((shoulders[before].tyre.clone(), origin));
-        }
+        let records: Vec<_> = records.into_iter().flatten().collect();
+        taken.add(&file.path, &reader, &config, &records)?;
     }
-    if let Some(missing) = wanted.first() {
-        let of_casing: Vec<&str> =
-            there.iter().map(String::as_str).filter(|name| name.starts_with(&format!("{missing}/"))).collect();
-        let meant = match () {
-            () if !of_casing.is_empty() => format!("; that casing has {}", of_casing.join(", ")),
-            // It may be in an archive that could not be read.
-            () if work.has_failed() => String::new(),
-            () => did_you_mean(missing, there.iter().map(String::as_str)).map(|m| format!("; {m}")).unwrap_or_default(),
-        };
-        bail!("--shoulder {missing} is in none of the archives that could be read{meant}");
-    }
+    taken.check_found(work.has_failed())?;
     let is_complete = work.end()?;
-    if shoulders.is_empty() {
-        bail!(
-            "no shoulder passed: name those that are known to be sound with --shoulder; if the rig has changed, first judge them by themselves \
-             (`tapline reprocess FOLDER --reference self`, then `tapline reference FOLDER --results`)"
-        );
-    }
-    let mut built = built.context("no archive is named")?;
-    let set = loop {
-        built.lineage = lineage.iter().map(|(_, origin)| origin.clone()).collect();
-        let set = build_reference(&built, shoulders.clone())?;
-        let standing_out = &set.summary.standing_out;
-        let is_stated = !names_none || args.labelled;
-        for casing in standing_out {
-            let what = match is_stated {
-                true => "limits based on it may let cracks pass",
-                false => "it is left out; name its shoulders with --shoulder if they are known to be sound",
-            };
-            say(&format!("{casing} stands out from the other casings and may be cracked: {what}"));
-        }
-        if is_stated || standing_out.is_empty() {
-            break set;
-        }
-        shoulders.retain(|shoulder: &KnownShoulder| !standing_out.contains(&shoulder.tyre));
-        lineage.retain(|(casing, _)| !standing_out.contains(casing));
-    };
+    let set = taken.build()?;
     let text = set.text()?;
     write_atomically(&args.out, args.force.existing(), |mut file| file.write_all(text.as_bytes()))?;
     match args.json {
@@ -140,57 +51,178 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     Ok(is_complete)
 }
 
-fn start(args: &ReferenceArgs, of_archive: &Config, process: String) -> Result<Built> {
-    let mut config = of_archive.fuse.clone();
-    if let Some(path) = &args.config {
-        config = Config::read(path)?.0.fuse;
-    }
-    Ok(Built { config, lineage: Vec::new(), process, learns_directions: args.learn_directions })
+/// What is taken of the archives.
+struct Taken<'a> {
+    args: &'a ReferenceArgs,
+    /// Shoulders that are asked for by name and were not in an archive yet.
+    wanted: BTreeSet<&'a str>,
+    /// The names of all shoulders of the archives.
+    there: BTreeSet<String>,
+    shoulders: Vec<KnownShoulder>,
+    /// The archives that they are from, each with the name of its casing.
+    lineage: Vec<(String, Origin)>,
+    /// What the reference is made with, and the first archive, which decides that.
+    built: Option<(Built, &'a Path)>,
 }
 
-/// Takes the shoulders of an archive that `is_wanted`.
-fn take(
-    args: &ReferenceArgs,
-    reader: &Reader,
-    records: &[Discriminators],
-    mut is_wanted: impl FnMut(&str, bool) -> bool,
-    shoulders: &mut Vec<KnownShoulder>,
-) -> Result<()> {
-    let path = reader.path();
-    let truth = args.labelled.then(|| reader.truth());
-    for (number, (scan, judged)) in reader.plan().scans().iter().zip(reader.judgements()?).enumerate() {
-        let name = format!("{}/{}", scan.tyre, scan.shoulder);
-        let has_passed = judged.is_some_and(|(judgement, _)| judgement.verdict == Verdict::Pass.code());
-        if !is_wanted(&name, has_passed) {
-            continue;
+impl<'a> Taken<'a> {
+    fn new(args: &'a ReferenceArgs) -> Self {
+        Self {
+            args,
+            wanted: args.shoulders.iter().map(String::as_str).collect(),
+            there: BTreeSet::new(),
+            shoulders: Vec::new(),
+            lineage: Vec::new(),
+            built: None,
         }
-        let shoulder = KnownShoulder::of(reader.plan(), records, number, truth);
-        let shoulder = shoulder.with_context(|| format!("{} has no scan {number}", path.display()))?;
-        let is_known_cracked = |&(location, _): &(u32, Option<f64>)| {
-            reader.truth().get(&(scan.tyre, scan.shoulder, location)) == Some(&true)
+    }
+
+    /// Whether shoulders are asked for by name.
+    fn has_names(&self) -> bool {
+        !self.args.shoulders.is_empty()
+    }
+
+    /// Takes the wanted shoulders of the archive at `path`, unless its taps cannot be compared with those of the first.
+    fn add(&mut self, path: &'a Path, reader: &Reader, config: &Config, records: &[Discriminators]) -> Result<()> {
+        let process = process_of(&config.process, &reader.plan().recording)?;
+        let shoulders = self.wanted_of(path, reader, records)?;
+        let Some(casing) = shoulders.first().map(|shoulder| shoulder.tyre.clone()) else { return Ok(()) };
+        match &self.built {
+            None => self.built = Some((start(self.args, config, process)?, path)),
+            Some((built, first)) if built.process != process => {
+                let why = format!(
+                    "{}: its taps were recorded or analysed differently from those of {}: {}",
+                    path.display(),
+                    first.display(),
+                    differences(&built.process, &process)
+                );
+                // What was asked for by name is not left out.
+                ensure!(!self.has_names() && !self.args.archives.iter().any(|named| named == path), why);
+                say(&format!("{why}; it is left out"));
+                return Ok(());
+            }
+            Some(_) => {}
+        }
+        let origin = Origin {
+            archive: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            plan_digest: format!("{:016x}", reader.plan().digest()),
+            config: reader.config().to_owned(),
         };
-        if !args.labelled && scan.locations.iter().any(is_known_cracked) {
-            bail!("{}: {name} is known to be cracked; --labelled uses what is known of each location", path.display());
-        }
-        if args.labelled && shoulder.is_cracked.is_none() {
-            bail!("{}: it is not known for every location of {name} whether it is cracked", path.display());
-        }
-        if shoulders.iter().any(|s| s.tyre == shoulder.tyre && s.shoulder == shoulder.shoulder) {
-            if !args.shoulders.is_empty() {
-                bail!(
+        self.lineage.push((casing, origin));
+        self.shoulders.extend(shoulders);
+        Ok(())
+    }
+
+    /// The shoulders of the archive at `path` that are wanted.
+    fn wanted_of(&mut self, path: &Path, reader: &Reader, records: &[Discriminators]) -> Result<Vec<KnownShoulder>> {
+        let is_labelled = self.args.labelled;
+        let truth = is_labelled.then(|| reader.truth());
+        let mut shoulders = Vec::new();
+        for (number, (scan, judged)) in reader.plan().scans().iter().zip(reader.judgements()?).enumerate() {
+            let name = format!("{}/{}", scan.tyre, scan.shoulder);
+            let has_passed = judged.is_some_and(|(judgement, _)| judgement.verdict == Verdict::Pass.code());
+            if !self.is_wanted(path, &name, has_passed) {
+                continue;
+            }
+            let shoulder = KnownShoulder::of(reader.plan(), records, number, truth);
+            let shoulder = shoulder.with_context(|| format!("{} has no scan {number}", path.display()))?;
+            let is_known_cracked = |&(location, _): &(u32, Option<f64>)| {
+                reader.truth().get(&(scan.tyre, scan.shoulder, location)) == Some(&true)
+            };
+            ensure!(
+                is_labelled || !scan.locations.iter().any(is_known_cracked),
+                "{}: {name} is known to be cracked; --labelled uses what is known of each location",
+                path.display()
+            );
+            ensure!(
+                !is_labelled || shoulder.is_cracked.is_some(),
+                "{}: it is not known for every location of {name} whether it is cracked",
+                path.display()
+            );
+            if self.shoulders.iter().any(|s| s.tyre == shoulder.tyre && s.shoulder == shoulder.shoulder) {
+                ensure!(
+                    !self.has_names(),
                     "{}: another of the archives has --shoulder {name} too: name only the file that is meant",
                     path.display()
                 );
+                say(&format!(
+                    "{}: {name} is left out, as another file has it too; to take this one, name the files instead",
+                    path.display()
+                ));
+                continue;
             }
+            shoulders.push(shoulder);
+        }
+        Ok(shoulders)
+    }
+
+    /// Whether the shoulder `name` of the archive at `path` is taken. A named one counts as sound whatever its verdict was; others only if
+    /// they passed.
+    fn is_wanted(&mut self, path: &Path, name: &str, has_passed: bool) -> bool {
+        self.there.insert(name.to_owned());
+        if self.has_names() {
+            self.wanted.remove(name);
+            return self.args.shoulders.iter().any(|wanted| wanted == name);
+        }
+        if !has_passed && !self.args.labelled {
             say(&format!(
-                "{}: {name} is left out, as another file has it too; to take this one, name the files instead",
+                "{}: {name} did not pass and is left out; name it with --shoulder if known to be sound",
                 path.display()
             ));
-            continue;
         }
-        shoulders.push(shoulder);
+        has_passed || self.args.labelled
     }
-    Ok(())
+
+    /// Refuses a name that no archive has; `has_failed` says whether one could not be read.
+    fn check_found(&self, has_failed: bool) -> Result<()> {
+        let Some(missing) = self.wanted.first() else { return Ok(()) };
+        let names = || self.there.iter().map(String::as_str);
+        let of_casing: Vec<&str> = names().filter(|name| name.starts_with(&format!("{missing}/"))).collect();
+        let meant = match () {
+            () if !of_casing.is_empty() => format!("; that casing has {}", of_casing.join(", ")),
+            // It may be in an archive that could not be read.
+            () if has_failed => String::new(),
+            () => did_you_mean(missing, names()).map(|meant| format!("; {meant}")).unwrap_or_default(),
+        };
+        bail!("--shoulder {missing} is in none of the archives that could be read{meant}")
+    }
+
+    /// The reference. Casings that stand out from the others are left out, unless they are stated to be sound.
+    fn build(mut self) -> Result<ReferenceSet> {
+        let is_stated = self.has_names() || self.args.labelled;
+        ensure!(
+            !self.shoulders.is_empty(),
+            "no shoulder passed: name those that are known to be sound with --shoulder; if the rig has changed, first judge them by themselves \
+             (`tapline reprocess FOLDER --reference self`, then `tapline reference FOLDER --results`)"
+        );
+        let (mut built, _) = self.built.context("no archive is named")?;
+        loop {
+            built.lineage = self.lineage.iter().map(|(_, origin)| origin.clone()).collect();
+            let set = build_reference(&built, self.shoulders.clone())?;
+            let standing_out = &set.summary.standing_out;
+            for casing in standing_out {
+                let what = match is_stated {
+                    true => "limits based on it may let cracks pass",
+                    false => "it is left out; name its shoulders with --shoulder if they are known to be sound",
+                };
+                say(&format!("{casing} stands out from the other casings and may be cracked: {what}"));
+            }
+            if is_stated || standing_out.is_empty() {
+                return Ok(set);
+            }
+            self.shoulders.retain(|shoulder| !standing_out.contains(&shoulder.tyre));
+            self.lineage.retain(|(casing, _)| !standing_out.contains(casing));
+        }
+    }
+}
+
+/// What a reference is made with, if its first archive was made with this configuration.
+fn start(args: &ReferenceArgs, of_archive: &Config, process: String) -> Result<Built> {
+    let config = match &args.config {
+        Some(path) => Config::read(path)?.0.fuse,
+        None => of_archive.fuse.clone(),
+    };
+    Ok(Built { config, lineage: Vec::new(), process, learns_directions: args.learn_directions })
 }
 
 /// Which way `which` moves with damage.
