@@ -1,6 +1,6 @@
 //! `tapline status`: the state of a running line.
 
-use std::fmt::Write as _;
+use std::fmt::{self, Write as _};
 use std::io::{self, IsTerminal as _, Write as _};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -10,6 +10,7 @@ use anyhow::{Context as _, Result, bail, ensure};
 use jiff::{Timestamp, tz::TimeZone};
 use tapline_host::messages::counted;
 use tapline_host::signals::stop_flag;
+use tapline_host::stdout::Stdout;
 use tapline_host::table::{break_last_column, table};
 use tapline_wire::{Line, Role, StatusTopic, Subscriber, Verdict, now_ns};
 
@@ -18,7 +19,7 @@ use crate::line::out_folder::OutFolder;
 use crate::line::setup::Setup;
 use crate::shown::casing::CasingStatus;
 use crate::shown::status::Status;
-use tapline_host::stdout::Stdout;
+use crate::shown::verdict::{CasingVerdict, ShoulderVerdict};
 
 /// How long a running line may take to show its status.
 const ANSWERS_WITHIN: Duration = Duration::from_secs(15);
@@ -81,31 +82,41 @@ fn print(status: &Status, args: &StatusArgs) -> Result<()> {
         if args.follow && io::stdout().is_terminal() {
             write!(out, "\x1b[H\x1b[2J")?;
         }
-        writeln!(out, "{}", text(status))?;
+        write!(out, "{}", text(status)?)?;
     }
     Ok(out.flush()?)
 }
 
-fn text(status: &Status) -> String {
-    let mut text = format!(
-        "Line on {} (process {}): {:.1} taps/s, {} closed",
-        status.out.display(),
-        status.pid,
-        status.taps_per_s,
-        counted(status.closed_count as usize, "casing", "casings")
-    );
-    let mut add = |line: &str| text.push_str(line);
+/// The status for people.
+fn text(status: &Status) -> Result<String, fmt::Error> {
+    let mut text = String::new();
+    write_line(&mut text, status)?;
+    write_stations(&mut text, status)?;
+    write_verdicts(&mut text, status)?;
+    Ok(text)
+}
+
+/// How the line as a whole is.
+fn write_line(text: &mut String, status: &Status) -> fmt::Result {
+    let Status { out, pid, taps_per_s, .. } = status;
+    let closed = counted(status.closed_count as usize, "casing", "casings");
+    writeln!(text, "Line on {} (process {pid}): {taps_per_s:.1} taps/s, {closed} closed", out.display())?;
     for trouble in &status.troubles {
-        add(&format!("\nTROUBLE {trouble}"));
+        writeln!(text, "TROUBLE {trouble}")?;
     }
     if status.lost_count > 0 {
         let lost = counted(status.lost_count as usize, "record was", "records were");
-        add(&format!("\n{lost} lost in transit; the taps are taken again."));
+        writeln!(text, "{lost} lost in transit; the taps are taken again.")?;
     }
     let age_ns = now_ns().saturating_sub(status.at_ns);
     if age_ns > STANDS_AFTER_NS {
-        add(&format!("\nIt has shown nothing for {} s.", age_ns / 1_000_000_000));
+        writeln!(text, "It has shown nothing for {} s.", age_ns / 1_000_000_000)?;
     }
+    Ok(())
+}
+
+/// What its stations do, and what they, the stages and the receivers of verdicts need.
+fn write_stations(text: &mut String, status: &Status) -> fmt::Result {
     let mut table = table(["station", "casing", "taps", "refused", "waits for"]);
     for station in &status.stations {
         let of = |value: &dyn Fn(&CasingStatus) -> String| station.casing.as_ref().map_or_else(String::new, value);
@@ -118,52 +129,45 @@ fn text(status: &Status) -> String {
         ]);
     }
     break_last_column(&mut table);
-    let written = write!(text, "\n{table}");
-    debug_assert!(written.is_ok(), "texts take all that is written to them");
-    for (station, sign) in status.stations.iter().flat_map(|of| of.signs.iter().map(move |sign| (of.number, sign))) {
-        text.push_str(&format!("\nCHECK station {station}: {sign}"));
+    writeln!(text, "{table}")?;
+    for station in &status.stations {
+        for sign in &station.signs {
+            writeln!(text, "CHECK station {}: {sign}", station.number)?;
+        }
     }
-    let restarts: Vec<String> = status
-        .stages
-        .iter()
-        .filter(|stage| stage.restarts > 0)
-        .map(|stage| format!("{} {}", stage.name, stage.restarts))
-        .collect();
+    let restarted = status.stages.iter().filter(|stage| stage.restarts > 0);
+    let restarts: Vec<String> = restarted.map(|stage| format!("{} {}", stage.name, stage.restarts)).collect();
     if !restarts.is_empty() {
-        text.push_str(&format!("\nRestarts: {}", restarts.join(", ")));
+        writeln!(text, "Restarts: {}", restarts.join(", "))?;
     }
     let waiting = status.receivers.iter().filter(|receiver| receiver.waiting > 0);
     let waiting: Vec<String> = waiting.map(|receiver| format!("{} {}", receiver.name, receiver.waiting)).collect();
     if !waiting.is_empty() {
-        text.push_str(&format!("\nVerdicts that wait to be acknowledged: {}", waiting.join(", ")));
+        writeln!(text, "Verdicts that wait to be acknowledged: {}", waiting.join(", "))?;
     }
+    Ok(())
+}
+
+/// The last alarms and verdicts.
+fn write_verdicts(text: &mut String, status: &Status) -> fmt::Result {
     for alarm in &status.alarms {
-        text.push_str(&format!("\nALARM {} {}", moment(alarm.at_ns), alarm.text));
+        writeln!(text, "ALARM {} {}", moment(alarm.at_ns), alarm.text)?;
     }
     if !status.verdicts.is_empty() {
-        text.push_str("\nLast verdicts:");
+        writeln!(text, "Last verdicts:")?;
     }
-    for verdict in &status.verdicts {
-        text.push_str(&format!(
-            "\n  {}  {:<10} station {}  {}",
-            moment(verdict.at_ns),
-            verdict.verdict.to_string(),
-            verdict.station,
-            verdict.file.strip_prefix(&status.out).unwrap_or(&verdict.file).display()
-        ));
-        for shoulder in verdict.shoulders.iter().filter(|shoulder| shoulder.verdict != Verdict::Pass) {
+    for of_casing in &status.verdicts {
+        let CasingVerdict { verdict, station, file, .. } = of_casing;
+        let file = file.strip_prefix(&status.out).unwrap_or(file).display();
+        writeln!(text, "  {}  {verdict:<10} station {station}  {file}", moment(of_casing.at_ns))?;
+        for shoulder in of_casing.shoulders.iter().filter(|shoulder| shoulder.verdict != Verdict::Pass) {
             let why = shoulder.why(", ", &["extrapolated"]);
             let words = [shoulder.places(), why].into_iter().filter(|words| !words.is_empty()).collect::<Vec<_>>();
-            text.push_str(&format!(
-                "\n    {}/{} {}  {}",
-                shoulder.tyre,
-                shoulder.shoulder,
-                shoulder.verdict,
-                words.join(", ")
-            ));
+            let ShoulderVerdict { tyre, shoulder, verdict, .. } = shoulder;
+            writeln!(text, "    {tyre}/{shoulder} {verdict}  {}", words.join(", "))?;
         }
     }
-    text
+    Ok(())
 }
 
 /// The local time `at_ns` after the Unix epoch, to the second.
