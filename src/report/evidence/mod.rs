@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use anyhow::Result;
-use tapline_fuse::{OffsetMap, ReferenceSet};
+use tapline_fuse::{Fusion, OffsetMap, ReferenceSet};
 use tapline_store::{Judged, Reader, Region, regions};
 use tapline_wire::{
     DamageCell, Discriminators, Geometry, Judgement, Quality, Reasons, Recording, Scan, Serial, SourceKind, TapState,
@@ -36,8 +36,6 @@ pub(crate) struct Evidence {
     pub config: Config,
     /// The reference in the archive, if the run read one from a file and this program can read it.
     pub reference: Option<Arc<ReferenceSet>>,
-    /// The digest of the reference.
-    pub reference_digest: Option<String>,
     /// Why the configuration cannot be read.
     pub config_problem: Option<String>,
     pub geometry: Geometry,
@@ -137,8 +135,6 @@ impl Evidence {
         if let Some(set) = &reference {
             config.fuse.directions = set.directions;
         }
-        // Without a readable configuration there is no fusion, and no map of an offset.
-        let mut fusion = fusion_of(reader, &config.fuse, reference.clone())?;
         let tap = |row: u32, places: &Places| {
             let planned = &plan.taps()[row as usize];
             let place = if planned.is_closing() { places.end } else { places.at(planned.id.location) };
@@ -155,24 +151,9 @@ impl Evidence {
                 time_ns: headers[row as usize].map(|header| header.tap_time_ns),
             }
         };
-        let mut tyres: Vec<Tyre> = Vec::new();
-        for (number, (scan, judged)) in plan.scans().iter().zip(reader.judgements()?).enumerate() {
-            // If one angle of a casing is unknown, all its shoulders are drawn by location.
-            let mut located =
-                plan.scans().iter().filter(|other| other.tyre == scan.tyre).flat_map(|scan| &scan.locations);
-            let has_angles = located.all(|(_, angle_deg)| angle_deg.is_some());
-            let places = Places::of_scan(plan.geometry == Geometry::Ring && has_angles, scan);
-            let taps = scan.taps.iter().map(|&row| tap(row, &places)).collect();
-            let verdict = reader.verdict(number, judged.as_ref());
-            let mut shoulder = shoulder(reader, scan, &places, verdict, judged, taps);
-            // The map of a single offset repeats the whole.
-            let maps = fusion.as_mut().and_then(|fusion| fusion.by_offset(number).ok());
-            shoulder.offsets = maps.filter(|maps| maps.len() > 1).unwrap_or_default();
-            match tyres.iter_mut().find(|tyre| tyre.serial == scan.tyre) {
-                Some(tyre) => tyre.shoulders.push(shoulder),
-                None => tyres.push(Tyre { serial: scan.tyre, shoulders: vec![shoulder], condition: None }),
-            }
-        }
+        // Without a readable configuration there is no fusion, and no map of an offset.
+        let fusion = fusion_of(reader, &config.fuse, reference.clone())?;
+        let mut tyres = tyres(reader, fusion, tap)?;
         for tyre in &mut tyres {
             tyre.shoulders.sort_by_key(|shoulder| shoulder.number);
             tyre.condition = condition::strongest(&config.fuse, tyre);
@@ -187,7 +168,6 @@ impl Evidence {
             config_toml: reader.config().to_owned(),
             config,
             config_problem,
-            reference_digest: reference.as_ref().map(|set| set.digest().to_owned()),
             reference,
             geometry: plan.geometry,
             recording: plan.recording.clone(),
@@ -209,6 +189,29 @@ impl Evidence {
     pub(crate) fn shoulders(&self) -> impl Iterator<Item = &Shoulder> {
         self.tyres.iter().flat_map(|tyre| &tyre.shoulders)
     }
+}
+
+/// The tyres of an archive, in the order of their first taps. `tap` makes the tap of a row, at one of the places of its shoulder.
+fn tyres(reader: &Reader, mut fusion: Option<Fusion>, tap: impl Fn(u32, &Places) -> Tap) -> Result<Vec<Tyre>> {
+    let plan = reader.plan();
+    let mut tyres: Vec<Tyre> = Vec::new();
+    for (number, (scan, judged)) in plan.scans().iter().zip(reader.judgements()?).enumerate() {
+        // If one angle of a casing is unknown, all its shoulders are drawn by location.
+        let mut located = plan.scans().iter().filter(|other| other.tyre == scan.tyre).flat_map(|scan| &scan.locations);
+        let has_angles = located.all(|(_, angle_deg)| angle_deg.is_some());
+        let places = Places::of_scan(plan.geometry == Geometry::Ring && has_angles, scan);
+        let taps = scan.taps.iter().map(|&row| tap(row, &places)).collect();
+        let verdict = reader.verdict(number, judged.as_ref());
+        let mut shoulder = shoulder(reader, scan, &places, verdict, judged, taps);
+        // The map of a single offset repeats the whole.
+        let maps = fusion.as_mut().and_then(|fusion| fusion.by_offset(number).ok());
+        shoulder.offsets = maps.filter(|maps| maps.len() > 1).unwrap_or_default();
+        match tyres.iter_mut().find(|tyre| tyre.serial == scan.tyre) {
+            Some(tyre) => tyre.shoulders.push(shoulder),
+            None => tyres.push(Tyre { serial: scan.tyre, shoulders: vec![shoulder], condition: None }),
+        }
+    }
+    Ok(tyres)
 }
 
 fn shoulder(

@@ -261,7 +261,7 @@ pub(crate) fn lineage(evidence: &Evidence) -> Markup {
                     Some(reference) => (reference),
                     None => "no named reference",
                 }
-                @if let Some(digest) = &evidence.reference_digest { ", kept in the archive, digest " code { (digest) } }
+                @if let Some(set) = &evidence.reference { ", kept in the archive, digest " code { (set.digest()) } }
             }
             @if let Some([re_inspect, reject]) = evidence.shoulders().find_map(|shoulder| shoulder.rates) {
                 dt { "False calls" } dd { "the limits are set so that " (percent(re_inspect)) " % of sound shoulders do not pass and " (percent(reject)) " % are rejected" }
