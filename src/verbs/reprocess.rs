@@ -43,17 +43,11 @@ const WAITING_MAX: usize = 64;
 const FLUSH_TAPS: usize = 256;
 
 pub(crate) fn reprocess(args: &ReprocessArgs) -> Result<bool> {
-    let jobs = match args.jobs {
-        0 => available_parallelism().map_or(1, NonZeroUsize::get),
-        jobs => jobs,
-    };
-    ensure!(jobs <= JOBS_MAX, "--jobs is {jobs}; at most {JOBS_MAX} threads are started");
     let asked = Asked::new(args)?;
     let archives = Archives::find(&args.archives, Which::Casings)?;
     let mut work = Work::on(&archives);
     for file in &archives.files {
-        let done = again(&file.path, &asked, args.from_samples, jobs)
-            .with_context(|| format!("cannot judge {} again", file.path.display()));
+        let done = again(&file.path, &asked).with_context(|| format!("cannot judge {} again", file.path.display()));
         if let Some(results) = work.take(file, done)? {
             print(args, &file.path, &results)?;
             work.note(results.is_complete);
@@ -70,10 +64,19 @@ struct Asked {
     text: Option<String>,
     /// Fitting a reference takes longer than judging a casing.
     kept: RefCell<KeptReferences>,
+    /// Whether samples are read even where discriminators would do.
+    from_samples: bool,
+    /// Number of threads.
+    jobs: usize,
 }
 
 impl Asked {
     fn new(args: &ReprocessArgs) -> Result<Self> {
+        let jobs = match args.jobs {
+            0 => available_parallelism().map_or(1, NonZeroUsize::get),
+            jobs => jobs,
+        };
+        ensure!(jobs <= JOBS_MAX, "--jobs is {jobs}; at most {JOBS_MAX} threads are started");
         let read = |path: &PathBuf| {
             let config = Config::read(path)?.0;
             config.process.validate().with_context(|| path.display().to_string())?;
@@ -86,7 +89,7 @@ impl Asked {
             Some(Reference::File(path)) => Some(ReferenceFile::read(path)?.text),
             _ => None,
         };
-        Ok(Self { config, reference, text, kept: RefCell::default() })
+        Ok(Self { config, reference, text, kept: RefCell::default(), from_samples: args.from_samples, jobs })
     }
 }
 
@@ -97,6 +100,10 @@ struct Task {
     config_toml: String,
     made_by: String,
     reference: Option<String>,
+    raw_digest: [u8; 32],
+    lineage_key: String,
+    /// Where the results go, a path that names their lineage.
+    out: PathBuf,
 }
 
 impl Task {
@@ -128,7 +135,10 @@ impl Task {
             }
         };
         let config_toml = toml::to_string(&config).context("the configuration does not fit TOML")?;
-        Ok(Self { made_by: made_by(&config)?, reader, config, config_toml, reference })
+        let (made_by, raw_digest) = (made_by(&config)?, reader.raw_digest()?);
+        let lineage_key = lineage_key(&raw_digest, &made_by, reference.as_deref());
+        let out = results_path(archive, &lineage_key);
+        Ok(Self { reader, config, config_toml, made_by, reference, raw_digest, lineage_key, out })
     }
 
     /// The fusion of this archive's taps.
@@ -146,59 +156,60 @@ struct Results {
     is_complete: bool,
 }
 
-fn again(archive: &Path, asked: &Asked, from_samples: bool, jobs: usize) -> Result<Results> {
+fn again(archive: &Path, asked: &Asked) -> Result<Results> {
     let task = Task::new(archive, asked)?;
-    let raw_digest = task.reader.raw_digest()?;
-    let key = lineage_key(&raw_digest, &task.made_by, task.reference.as_deref());
-    let out = results_path(archive, &key);
-    note_folder(&out);
+    note_folder(&task.out);
+    let is_complete = match made_before(&task)? {
+        Some(results) => is_complete(&results),
+        None => make(&task, asked)?,
+    };
+    Ok(Results { path: task.out, lineage_key: task.lineage_key, is_complete })
+}
+
+/// The results of `task`, if they are finished already. They become the newest again, which the other verbs take.
+fn made_before(task: &Task) -> Result<Option<Reader>> {
+    let Ok(results) = Reader::open(&task.out) else { return Ok(None) };
+    if !results.is_results() || results.lineage_key()? != task.lineage_key {
+        return Ok(None);
+    }
+    let now = SystemTime::UNIX_EPOCH + Duration::from_nanos(now_ns().unsigned_abs());
+    let touched = File::open(&task.out).and_then(|file| file.set_modified(now));
+    if let Err(error) = touched {
+        tracing::error!("{}: cannot be made the newest results: {error}", task.out.display());
+    }
+    Ok(Some(results))
+}
+
+/// Makes the results of `task`; returns whether they are complete.
+fn make(task: &Task, asked: &Asked) -> Result<bool> {
+    let (reader, plan) = (&task.reader, task.reader.plan());
+    // Before the file is made, so that a plan that cannot be judged leaves none.
+    let mut fusion = task.fusion(asked)?;
     let lineage = Lineage {
         config_toml: &task.config_toml,
         reference: task.reference.as_deref(),
         made_by: &task.made_by,
         ..task.config_toml.as_str().into()
     };
-    // The same results were finished before. They are the newest again, which the other verbs take.
-    if let Ok(there) = Reader::open(&out)
-        && there.is_results()
-        && there.lineage_key()? == key
-    {
-        let now = SystemTime::UNIX_EPOCH + Duration::from_nanos(now_ns().unsigned_abs());
-        let touched = File::open(&out).and_then(|file| file.set_modified(now));
-        if let Err(error) = touched {
-            tracing::error!("{}: cannot be made the newest results: {error}", out.display());
-        }
-        return Ok(Results { path: out, lineage_key: key, is_complete: is_complete(&there) });
-    }
-    let plan = task.reader.plan();
-    // Before the file is made, so that a plan that cannot be judged leaves none.
-    let mut fusion = task.fusion(asked)?;
-    let mut writer = match Writer::results(&out, (task.reader.path(), raw_digest), plan, lineage) {
-        // The same results were made before.
-        Err(tapline_store::Error::Finished { .. }) => {
-            let is_complete = is_complete(&Reader::open(&out)?);
-            return Ok(Results { path: out, lineage_key: key, is_complete });
-        }
-        writer => writer?,
-    };
+    let mut writer = Writer::results(&task.out, (reader.path(), task.raw_digest), plan, lineage)?;
     let begin = Instant::now();
     let settled_before = settled(&writer);
-    let is_old = of_discriminators(task.reader.made_by()) == of_discriminators(&task.made_by) && !from_samples;
+    let is_old = of_discriminators(reader.made_by()) == of_discriminators(&task.made_by) && !asked.from_samples;
     let how = if is_old { "from its discriminators" } else { "from its samples" };
     let mut progress = Progress::new(Some(plan.taps().len() as u64), Unit::Things("taps"));
-    progress.print(&format!("judging {} again {how}, into {}", archive.display(), out.display()));
-    refuse(&task.reader, &mut writer)?;
+    progress.print(&format!("judging {} again {how}, into {}", reader.path().display(), task.out.display()));
+    refuse(reader, &mut writer)?;
     if is_old {
-        for found in task.reader.discriminators()?.into_iter().flatten() {
+        for found in reader.discriminators()?.into_iter().flatten() {
             put(&mut writer, &found)?;
         }
     } else {
-        extract(&task.reader.taps()?, &task.config.process, &mut writer, jobs, |writer| {
+        extract(&reader.taps()?, &task.config.process, &mut writer, asked.jobs, |writer| {
             let settled = settled(writer);
             progress.update_since(settled as u64, (settled - settled_before) as u64, begin);
         })?;
     }
-    judge(&task.reader, &mut writer, &mut fusion)?;
+    judge(reader, &mut writer, &mut fusion)?;
     let is_complete = writer.is_complete();
     let done = settled(&writer) - settled_before;
     writer.finish()?;
@@ -207,8 +218,8 @@ fn again(archive: &Path, asked: &Asked, from_samples: bool, jobs: usize) -> Resu
     #[expect(clippy::cast_precision_loss, reason = "a rate for people to read")]
     let rate = done as f64 / took_s;
     let done = counted(done, "tap", "taps");
-    progress.print(&format!("{done} in {took_s:.1} s, {rate:.0} taps/s; lineage {}", &key[..12]));
-    Ok(Results { path: out, lineage_key: key, is_complete })
+    progress.print(&format!("{done} in {took_s:.1} s, {rate:.0} taps/s; lineage {}", &task.lineage_key[..12]));
+    Ok(is_complete)
 }
 
 /// Prints where the results of an archive are.
