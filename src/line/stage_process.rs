@@ -23,7 +23,7 @@ const UNSTEADY: (usize, Duration) = (3, Duration::from_secs(60));
 /// A stage that has not looked for work for so long is held up: each does at least once a second.
 const SILENT_AFTER: Duration = Duration::from_secs(5);
 
-/// The same before it has for the first time: it reads the reference, opens its files and finds the others.
+/// The same before it looks for the first time: it reads the reference, opens its files and finds the others.
 const STARTS_WITHIN: Duration = Duration::from_secs(60);
 
 /// A stage of the line, across restarts.
@@ -37,9 +37,9 @@ pub(crate) struct StageProcess {
     is_killed: bool,
     /// Whether it ended because the disk of the archive has failed.
     pub(crate) awaits_disk: bool,
-    /// How often it had looked for work when it last had, and when that was, or when it was started.
+    /// How often it has looked for work, and when this number last changed; at first, when it was started.
     heard: (u32, Instant),
-    /// Whether it has since its start.
+    /// Whether it has looked for work since it was started.
     has_begun: bool,
     is_silent: bool,
     fruitless_restarts: u32,
@@ -88,7 +88,7 @@ impl StageProcess {
         self.child = Some(child);
         self.is_killed = false;
         self.heard.1 = Instant::now();
-        // Whether it is silent is known when it answers.
+        // One that was silent counts as silent until it answers.
         self.has_begun = false;
         Ok(())
     }

@@ -115,7 +115,7 @@ fn write_line(text: &mut String, status: &Status) -> fmt::Result {
     Ok(())
 }
 
-/// What its stations do, and what they, the stages and the receivers of verdicts need.
+/// Its stations, the signs of their rigs, restarts of stages, and receivers that wait.
 fn write_stations(text: &mut String, status: &Status) -> fmt::Result {
     let mut table = table(["station", "casing", "taps", "refused", "waits for"]);
     for station in &status.stations {

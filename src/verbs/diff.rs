@@ -66,7 +66,7 @@ pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> 
     work.end()
 }
 
-/// Leaves in the one that is a folder only the casing with the name of the other, which is a file.
+/// One of the two is a file: keeps of the other, a folder, only the casing of the same name.
 fn keep_alike(befores: &mut Archives, afters: &mut Archives) -> Result<()> {
     let (of_file, of_folder) = if afters.is_many { (befores, afters) } else { (afters, befores) };
     let Some(file) = of_file.files.first() else { return Ok(()) };

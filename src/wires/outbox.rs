@@ -91,7 +91,7 @@ struct State {
     count: u64,
     /// Notes of casings whose files did not have their names when the line was started.
     unnamed: Vec<Unreported>,
-    /// Each with the text of its alarm, and its text now.
+    /// Each with the text with which it began, which is that of its alarm, and its text now.
     troubles: BTreeMap<(Receiver, &'static str), (String, String)>,
     alarms: Vec<String>,
     wakes: Vec<Wake>,

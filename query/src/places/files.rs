@@ -34,14 +34,14 @@ pub struct CasingFile {
     pub name: String,
     /// Where it is: an absolute path, or the address of an object.
     pub path: String,
-    /// What another object at this address would not have.
+    /// Identifies the object: another one at the same address has another tag.
     pub e_tag: Option<String>,
     /// Of results in object storage, the address of their archive, without which they cannot be read; files have theirs beside
     /// them.
     pub archive: Option<String>,
 }
 
-/// Length of a file, and what is at its end: archives of which both are the same are the same.
+/// Length and last bytes of a file: archives that agree in both are the same archive.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct End {
     pub bytes: u64,

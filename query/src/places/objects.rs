@@ -47,7 +47,7 @@ struct Bucket {
 pub(crate) struct Object {
     pub key: String,
     pub modified: SystemTime,
-    /// What another object under this key would not have.
+    /// Identifies the object: another one under the same key has another tag.
     pub e_tag: Option<String>,
 }
 

@@ -20,7 +20,7 @@ pub(crate) use files_exec::{FilesExec, limit_workers};
 use crate::places::CasingFile;
 use crate::task::Task;
 
-/// The files of partitions, and what is done with each: a table whose rows come of that.
+/// The files of partitions, and the task for each file: a table of the rows that the task returns.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FilesTable {
     /// What is done with each file.

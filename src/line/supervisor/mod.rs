@@ -354,7 +354,7 @@ impl<'a> Supervisor<'a> {
         }
     }
 
-    /// Adds an alarm. What is over marks the alarm that began it, if that is still shown, and is no news of its own.
+    /// Adds an alarm. A text that begins with [`OVER`] is no new one: it replaces the text of its alarm, if that is still shown.
     fn alarm(&mut self, text: String) {
         if let Some(begun) = text.strip_prefix(OVER) {
             for alarm in self.shown.alarms.iter_mut().filter(|alarm| alarm.text == begun) {

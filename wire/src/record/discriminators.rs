@@ -39,7 +39,7 @@ pub enum Feature {
     SoundSpectrum,
 }
 
-/// What must be known of a discriminator besides its computation.
+/// What is known of a discriminator besides its computation.
 #[derive(Debug)]
 struct Attributes {
     /// In configurations and summaries.
@@ -54,9 +54,9 @@ struct Attributes {
     printed: &'static str,
     /// In words.
     meaning: &'static str,
-    /// What it is taken from.
+    /// The part of the record that it is computed from.
     feature: Feature,
-    /// The channels without which it cannot be had.
+    /// The channels that it is computed from.
     channels: &'static [Channel],
     /// Which way it moves where there is a crack, unless a configuration says otherwise.
     direction: Direction,
@@ -201,12 +201,12 @@ impl Discriminator {
         self.attributes().meaning
     }
 
-    /// What it is taken from.
+    /// The part of the record that it is computed from.
     pub fn feature(self) -> Feature {
         self.attributes().feature
     }
 
-    /// The channels that it needs; A_2 and the powers need only the sound.
+    /// The channels that it is computed from; A_2 and the powers need only the sound.
     pub fn channels(self) -> &'static [Channel] {
         self.attributes().channels
     }
