@@ -3,7 +3,7 @@
 use std::convert::Infallible;
 use std::fmt::Display;
 use std::fs::{self, Metadata};
-use std::io::{PipeWriter, Read as _, Write as _, pipe};
+use std::io::{BufRead as _, BufReader, PipeWriter, Read as _, Write as _, pipe};
 use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::process::CommandExt as _;
 use std::process::{Child, Command, Stdio};
@@ -25,7 +25,7 @@ use crate::wires::reporter::{Reported, Reporter, Until};
 const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// Longest line of its log that is passed on in one piece.
-const LOG_LINE_MAX: usize = 1 << 16;
+const LOG_LINE_MAX: u64 = 1 << 16;
 
 /// How long the end of its log is waited for.
 const LOGGED_WITHIN: Duration = Duration::from_millis(100);
@@ -120,23 +120,13 @@ struct CommandLog {
 
 impl CommandLog {
     fn start() -> Result<Self> {
-        let ((mut from, to), (works, ended)) = (pipe()?, bounded(0));
+        let ((from, to), (works, ended)) = (pipe()?, bounded(0));
         let pass_on = move || {
             let _works: Sender<Infallible> = works;
-            let (mut bytes, mut rest) = ([0; 4096], Vec::new());
-            while let Some(count) = from.read(&mut bytes).ok().filter(|&count| count > 0) {
-                for &byte in &bytes[..count] {
-                    if byte != b'\n' {
-                        rest.push(byte);
-                    }
-                    if byte == b'\n' || rest.len() == LOG_LINE_MAX {
-                        relay(&rest);
-                        rest.clear();
-                    }
-                }
-            }
-            if !rest.is_empty() {
-                relay(&rest);
+            let (mut from, mut line) = (BufReader::new(from), Vec::new());
+            while from.by_ref().take(LOG_LINE_MAX).read_until(b'\n', &mut line).is_ok_and(|count| count > 0) {
+                relay(line.strip_suffix(b"\n").unwrap_or(&line));
+                line.clear();
             }
         };
         let thread = Builder::new().name("on_verdict-log".to_owned()).spawn(pass_on);
