@@ -219,7 +219,7 @@ impl ShoulderDifference {
         let indices = cells_a.iter().zip(&cells_b).map(|(a, b)| (a.damage_index, b.damage_index));
         let (locations_differ, locations_absent, index_max) = index_differences(indices);
         Self {
-            shoulder: format!("{}/{}", scan.tyre, scan.shoulder),
+            shoulder: scan.to_string(),
             verdict_before: verdict(a),
             verdict_after: verdict(b),
             reasons_before: reasons(a),

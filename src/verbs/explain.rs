@@ -36,7 +36,7 @@ pub(crate) fn explain(
     for file in &archives.files {
         let Some(reader) = work.open(file)? else { continue };
         if archives.is_many && shoulder.is_some_and(|name| number_of(&reader, name).is_none()) {
-            others.extend(reader.plan().scans().iter().map(name_of));
+            others.extend(reader.plan().scans().iter().map(Scan::to_string));
             continue;
         }
         let explained = Explanation::of(&reader, shoulder, location);
@@ -152,11 +152,7 @@ impl Explanation {
 
 /// Number of the scan of the shoulder `name`.
 fn number_of(reader: &Reader, name: &str) -> Option<usize> {
-    reader.plan().scans().iter().position(|scan| name_of(scan) == name)
-}
-
-fn name_of(scan: &Scan) -> String {
-    format!("{}/{}", scan.tyre, scan.shoulder)
+    reader.plan().scans().iter().position(|scan| scan.to_string() == name)
 }
 
 /// Which of the shoulders `known` were meant by `name`: those of a casing of that name, or the most similar.
@@ -172,7 +168,7 @@ fn shoulders_meant(name: &str, known: &[String]) -> Option<String> {
 impl ShoulderExplanation {
     fn of(reader: &Reader, name: &str, location: Option<u32>) -> Result<Self> {
         let number = number_of(reader, name).with_context(|| {
-            let known: Vec<String> = reader.plan().scans().iter().map(name_of).collect();
+            let known: Vec<String> = reader.plan().scans().iter().map(Scan::to_string).collect();
             let hint = shoulders_meant(name, &known).unwrap_or_else(|| format!("it has {}", known.join(", ")));
             format!("the archive has no shoulder {name:?}: {hint}")
         })?;

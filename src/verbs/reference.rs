@@ -119,7 +119,7 @@ impl<'a> Taken<'a> {
         let truth = is_labelled.then(|| reader.truth());
         let mut shoulders = Vec::new();
         for (number, (scan, judged)) in reader.plan().scans().iter().zip(reader.judgements()?).enumerate() {
-            let name = format!("{}/{}", scan.tyre, scan.shoulder);
+            let name = scan.to_string();
             let has_passed = judged.is_some_and(|(judgement, _)| judgement.verdict == Verdict::Pass.code());
             if !self.is_wanted(path, &name, has_passed) {
                 continue;

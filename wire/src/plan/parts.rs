@@ -1,6 +1,7 @@
 //! What a plan is made of: taps, the shape of their records, and the scans of shoulders.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
@@ -105,6 +106,13 @@ pub struct Scan {
     pub taps: Vec<u32>,
     /// Locations the damage map covers, ascending, each with its angle in degrees where known.
     pub locations: Vec<(u32, Option<f64>)>,
+}
+
+impl fmt::Display for Scan {
+    /// `TYRE/SHOULDER`, as command lines name it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.tyre, self.shoulder)
+    }
 }
 
 /// Whether a location is cracked, according to a tap set or a simulated tyre.

@@ -185,7 +185,7 @@ fn judged(config: &FuseConfig, found: &Dataset) -> Result<Areas> {
         for cell in cells {
             let truth = plan.truth().get(&(scan.tyre, scan.shoulder, cell.location)).copied();
             let Some(is_cracked) = truth else { continue };
-            places.push((format!("{}/{}", scan.tyre, scan.shoulder), cell.damage_index, is_cracked));
+            places.push((scan.to_string(), cell.damage_index, is_cracked));
         }
     }
     Ok(Areas::of(places.into_iter()))
