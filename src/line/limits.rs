@@ -28,9 +28,6 @@ const DESCRIPTORS_PER_PROCESS: u64 = 12;
 /// Descriptors that it needs in addition for each station: the file under way.
 const DESCRIPTORS_PER_STATION: u64 = 4;
 
-/// Address space of the busiest process apart from what it shares, in bytes: the program, its threads and their heaps.
-const ADDRESS_SPACE_FIXED: u64 = 512 << 20;
-
 /// Memory that is private to a process, in bytes.
 const MEMORY_PER_PROCESS: u64 = 24 << 20;
 
@@ -41,7 +38,6 @@ const OTHER_PROCESSES: u64 = 4;
 #[derive(Debug, Clone, Copy)]
 struct Limits {
     descriptors: Option<u64>,
-    address_space: Option<u64>,
     shared_free: u64,
     memory_free: Option<u64>,
 }
@@ -70,7 +66,6 @@ impl Limits {
     fn of_system() -> Result<Self> {
         Ok(Self {
             descriptors: getrlimit(Resource::Nofile).current,
-            address_space: getrlimit(Resource::As).current,
             shared_free: shm::free_bytes()?,
             memory_free: memory_available().into_iter().chain(memory_of_group()).min(),
         })
@@ -118,13 +113,6 @@ fn judge(needs: &Needs, limits: &Limits) -> Result<()> {
             need: descriptors,
             is_bytes: false,
             cure: "raise it with ulimit -n, LimitNOFILE= of a service, or --ulimit nofile= of a container",
-        }),
-        limits.address_space.map(|have| Item {
-            what: "address space of a process",
-            have,
-            need: address_space,
-            is_bytes: true,
-            cure: "raise it with ulimit -v or LimitAS= of a service",
         }),
         Some(Item {
             what: "room in /dev/shm",
@@ -178,10 +166,6 @@ fn descriptors(needs: &Needs) -> u64 {
         + DESCRIPTORS_PER_STATION * needs.stations as u64
 }
 
-fn address_space(needs: &Needs) -> u64 {
-    ADDRESS_SPACE_FIXED + needs.shared_bytes
-}
-
 fn memory(needs: &Needs) -> u64 {
     needs.shared_bytes + MEMORY_PER_PROCESS * (needs.acquire_processes as u64 + OTHER_PROCESSES)
 }
@@ -191,7 +175,7 @@ mod tests {
     use super::*;
 
     const NEEDS: Needs = Needs { stations: 32, acquire_processes: 32, shared_bytes: 400_000_000 };
-    const PLENTY: Limits = Limits { descriptors: None, address_space: None, shared_free: u64::MAX, memory_free: None };
+    const PLENTY: Limits = Limits { descriptors: None, shared_free: u64::MAX, memory_free: None };
 
     fn refusal(limits: &Limits) -> String {
         judge(&NEEDS, limits).unwrap_err().to_string()
@@ -202,7 +186,6 @@ mod tests {
         judge(&NEEDS, &PLENTY).unwrap();
         let just = Limits {
             descriptors: Some(descriptors(&NEEDS)),
-            address_space: Some(address_space(&NEEDS)),
             shared_free: NEEDS.shared_bytes + RESTART_BYTES,
             memory_free: Some(memory(&NEEDS)),
         };
@@ -218,8 +201,8 @@ mod tests {
         assert!(text.contains("/dev/shm: 104.0 MB of 404.0 MB needed"), "{text}");
         // Going by the memory, 8 would do.
         assert!(text.contains("8 stations would do"), "{text}");
-        let text = refusal(&Limits { address_space: Some(200_000 << 10), ..PLENTY });
-        assert!(text.contains("ulimit -v") && text.contains("too little for any line"), "{text}");
+        let text = refusal(&Limits { memory_free: Some(MEMORY_PER_PROCESS), ..PLENTY });
+        assert!(text.contains("; memory: 25.2 MB of ") && text.contains("too little for any line"), "{text}");
     }
 
     #[test]

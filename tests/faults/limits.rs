@@ -67,19 +67,6 @@ fn too_few_descriptors_are_an_error_that_asks_for_enough() {
     assert!((8..enough).contains(&most), "{most} of {enough}");
 }
 
-/// The same for address space.
-#[test]
-fn too_little_address_space_is_an_error_that_asks_for_enough() {
-    let sandbox = Sandbox::new();
-    let mut enough = 0.0;
-    for few in [150_000, 190_000, 200_000] {
-        let done = finish(limited(&sandbox, &format!("-v {few}"), "few").spawn().unwrap(), AT_ONCE);
-        enough = needed(&done, "address space of a process: ").parse::<f64>().unwrap();
-    }
-    let line = limited(&sandbox, &format!("-v {}", (enough * 1e6 / 1024.0) as u64 + 200), "enough").spawn().unwrap();
-    finish(line, Duration::from_secs(60)).expect(0);
-}
-
 /// The processes of the line and its stages.
 fn processes_of(line: &Child) -> Vec<u32> {
     let children = fs::read_to_string(format!("/proc/{0}/task/{0}/children", line.id())).unwrap_or_default();
