@@ -8,6 +8,7 @@ use anyhow::{Context as _, Result, bail};
 use serde::{Deserialize, Serialize};
 use tapline_acquire::Wake;
 use tapline_host::signals::stop_flag;
+use tapline_host::stdout::Stdout;
 use tapline_host::{log, memory};
 use tapline_wire::{Line, LineAddress, Role};
 
@@ -15,7 +16,6 @@ use crate::cli::line::StageArgs;
 use crate::config::job::Job;
 use crate::line::process_name::{name_process, stage_name};
 use crate::line::setup::Setup;
-use tapline_host::stdout::Stdout;
 
 /// Exit code of a stage that has closed its files because their disk failed: the supervisor restarts it once that is
 /// back.

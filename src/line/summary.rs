@@ -8,6 +8,7 @@ use serde::Serialize;
 use tapline_fuse::{Fusion, Reference, Score, ScorePool};
 use tapline_host::colour::Colour;
 use tapline_host::messages::counted;
+use tapline_host::stdout::Stdout;
 use tapline_host::table::{break_last_column, table};
 use tapline_store::Reader;
 use tapline_wire::{Discriminator, Ledger, Quality, Reasons, TapState};
@@ -19,7 +20,6 @@ use crate::line::stage::{Used, Work};
 use crate::line::supervisor::LineOutcome;
 use crate::shown::rig::{ASKS, Rigs, StationSign};
 use crate::shown::verdict::ShoulderVerdict;
-use tapline_host::stdout::Stdout;
 
 /// Casings over which the index is scored against the truth: that takes as long as judging them eight times.
 const SCORED_MAX: usize = 64;

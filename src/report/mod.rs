@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use serde_json::json;
 use tapline_host::atomic_file::{check_folder, write_atomically};
+use tapline_host::stdout::Stdout;
 
 use crate::archives::{Archives, Work};
 use crate::cli::archives::ReportArgs;
@@ -18,7 +19,6 @@ use crate::config::Config;
 use crate::config::reference::KeptReferences;
 use crate::report::evidence::{Evidence, Tyre};
 use crate::report::pages::shift::Shift;
-use tapline_host::stdout::Stdout;
 
 /// Name of the page of the shift.
 const SHIFT: &str = "shift.html";

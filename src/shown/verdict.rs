@@ -6,11 +6,11 @@ use std::path::PathBuf;
 use anyhow::Result;
 use serde::{Deserialize, Serialize};
 use tapline_host::colour::Colour;
+use tapline_host::stdout::Stdout;
 use tapline_store::{Judged, Reader, Region, casing_id, peak, regions};
 use tapline_wire::{Calibration, Channel, Judgement, Reasons, Scan, TapState, Verdict, monotonic_ns};
 
 use crate::shown::whole::Whole;
-use tapline_host::stdout::Stdout;
 
 /// The result of one casing.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

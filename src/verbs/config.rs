@@ -3,7 +3,6 @@
 use std::io::Write as _;
 
 use anyhow::Result;
-
 use tapline_host::stdout::Stdout;
 
 /// Every key of a configuration with its default and what it means.

@@ -5,9 +5,8 @@ use std::io::Write as _;
 use anyhow::{Context as _, Result};
 use serde_json::json;
 use tapline_acquire::{Abilities, SoundCardInfo, sound_cards};
-use tapline_host::table::{break_last_column, table};
-
 use tapline_host::stdout::Stdout;
+use tapline_host::table::{break_last_column, table};
 
 /// Lists the sound cards of this machine, or those of these `names`; whether there is one.
 pub(crate) fn devices(names: &[String], as_json: bool) -> Result<bool> {

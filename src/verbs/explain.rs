@@ -9,6 +9,7 @@ use anyhow::{Context as _, Result, bail};
 use serde::Serialize;
 use tapline_fuse::ReferenceSet;
 use tapline_host::similar::did_you_mean;
+use tapline_host::stdout::Stdout;
 use tapline_host::table::{break_between_words, table};
 use tapline_store::{Reader, hex_of, lineage_changes};
 use tapline_wire::{Discriminator, Scan, TapState};
@@ -18,7 +19,6 @@ use crate::config::Config;
 use crate::config::lineage::made_by;
 use crate::config::reference::fusion_of;
 use crate::shown::verdict::ShoulderVerdict;
-use tapline_host::stdout::Stdout;
 
 /// Prints where the results of the archives at `paths` come from; for one shoulder, and one location of it, also the numbers. Of
 /// many archives only those that have that shoulder are explained.

@@ -11,13 +11,13 @@ use tapline_export::{Error, Export, TableFile, TapCounts, TapFormat, UffEncoding
 use tapline_host::atomic_file::{check_writable, write_atomically};
 use tapline_host::messages::counted;
 use tapline_host::signals::note_folder;
+use tapline_host::stdout::Stdout;
 use tapline_store::Reader;
 
 use crate::archives::{Archives, Work};
 use crate::cli::archives::{ExportArgs, Format, What};
 #[cfg(not(feature = "parquet"))]
 use crate::cli::built_without;
-use tapline_host::stdout::Stdout;
 
 /// Formats of a table.
 const OF_TABLES: [Format; 2] = [Format::Csv, Format::Parquet];

@@ -8,10 +8,10 @@ use serde_json::json;
 use tapline_host::messages::{counted, say};
 use tapline_host::progress::{Progress, Unit};
 use tapline_host::signals::note_folder;
+use tapline_host::stdout::Stdout;
 use tapline_import::{Imported, write_example};
 
 use crate::cli::archives::ImportArgs;
-use tapline_host::stdout::Stdout;
 
 /// Most refused taps that are printed; the set lists all.
 const REFUSED_MAX: usize = 10;

@@ -4,10 +4,10 @@ use std::io::Write;
 
 use anyhow::{Result, anyhow};
 use serde_json::{Value, json};
+use tapline_host::stdout::Stdout;
 use tapline_model::{Contact, Error, Scene, choose_by_trial};
 
 use crate::cli::model::ContactArgs;
-use tapline_host::stdout::Stdout;
 
 pub(crate) fn contact(args: &ContactArgs) -> Result<bool> {
     let scene = args.scene();

@@ -4,9 +4,8 @@ use std::io::Write as _;
 
 use anyhow::Result;
 use serde_json::{Value, json};
-use tapline_model::EffectiveLength;
-
 use tapline_host::stdout::Stdout;
+use tapline_model::EffectiveLength;
 
 pub(crate) fn model(number: u8, rule: EffectiveLength, as_json: bool) -> Result<bool> {
     let table = tapline_model::table(number, rule)?;

@@ -10,6 +10,7 @@ use tapline_fuse::{Built, Direction, KnownShoulder, Origin, ReferenceSet, build_
 use tapline_host::atomic_file::{check_writable, write_atomically};
 use tapline_host::messages::{counted, say};
 use tapline_host::similar::did_you_mean;
+use tapline_host::stdout::Stdout;
 use tapline_host::table::table;
 use tapline_store::Reader;
 use tapline_wire::{Discriminator, Discriminators, Verdict};
@@ -18,7 +19,6 @@ use crate::archives::{Archives, Work};
 use crate::cli::archives::ReferenceArgs;
 use crate::config::Config;
 use crate::config::reference::{differences, process_of};
-use tapline_host::stdout::Stdout;
 
 pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     if args.out.extension().is_none_or(|extension| extension != "json") {

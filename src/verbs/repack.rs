@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, Result};
 use serde_json::json;
 use tapline_host::signals::note_folder;
+use tapline_host::stdout::Stdout;
 use tapline_store::{Codec, Repacked};
 
 use crate::archives::{Archives, Which, Work};
-use tapline_host::stdout::Stdout;
 
 /// Packs the archive at `paths` into the file `out`; several into the folder `out`, under their names.
 pub(crate) fn repack(paths: &[PathBuf], codec: Codec, out: &Path, as_json: bool) -> Result<bool> {

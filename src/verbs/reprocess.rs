@@ -19,6 +19,7 @@ use tapline_fuse::{FuseConfig, Fusion, Reference};
 use tapline_host::messages::counted;
 use tapline_host::progress::{Progress, Unit};
 use tapline_host::signals::note_folder;
+use tapline_host::stdout::Stdout;
 use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_store::{Lineage, PutOutcome, ReadBuffer, Reader, Taps, Writer, lineage_key, results_path};
 use tapline_wire::{Discriminators, ScanState, TapHeader, TapState, now_ns};
@@ -28,7 +29,6 @@ use crate::cli::archives::ReprocessArgs;
 use crate::config::Config;
 use crate::config::lineage::{made_by, of_discriminators};
 use crate::config::reference::{Fusions, KeptReferences, ReferenceFile};
-use tapline_host::stdout::Stdout;
 
 /// Most threads that may be asked for.
 const JOBS_MAX: usize = 1024;

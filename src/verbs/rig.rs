@@ -7,9 +7,7 @@ use std::path::Path;
 use anyhow::{Context as _, Result};
 use serde_json::json;
 use tapline_acquire::{RigReport, RigScript, serve_rig};
-
 use tapline_host::signals::stop_flag;
-
 use tapline_host::stdout::Stdout;
 
 /// Serves stations that connect to `listen`, by the script in `config`, until it is asked to stop or the script ends.

@@ -8,11 +8,11 @@ use anyhow::{Context as _, Result, ensure};
 use serde_json::json;
 use tapline_host::messages::{counted, say, with_causes};
 use tapline_host::signals::stop_flag;
+use tapline_host::stdout::Stdout;
 use tapline_store::{Error, Folder};
 use tapline_uplink::{CasingFile, Collector, Fate, Receipt, Sender, Server, Standing, Until};
 
 use crate::cli::uplink::{CollectArgs, ServerArgs, UplinkArgs};
-use tapline_host::stdout::Stdout;
 
 /// Sends the finished files of a folder to a centre; whether it has them all.
 pub(crate) fn uplink(args: &UplinkArgs) -> Result<bool> {

@@ -7,11 +7,11 @@ use anyhow::{Result, ensure};
 use serde_json::{Value, json};
 use tapline_host::colour::Colour;
 use tapline_host::messages::counted;
+use tapline_host::stdout::Stdout;
 use tapline_store::{Error, Report};
 use tapline_wire::TapState;
 
 use crate::archives::{Archives, Which, Work};
-use tapline_host::stdout::Stdout;
 
 /// Checks the archives at `paths`.
 pub(crate) fn verify(paths: &[PathBuf], as_json: bool) -> Result<bool> {

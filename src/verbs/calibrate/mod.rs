@@ -11,10 +11,10 @@ use jiff::{Timestamp, ToSpan as _, tz::TimeZone};
 use serde_json::json;
 use tapline_acquire::{CalibrationFile, ChannelScale};
 use tapline_host::atomic_file::{Existing, write_atomically};
+use tapline_host::stdout::Stdout;
 use tapline_wire::{Certificate, Channel, Unit};
 
 use crate::cli::calibrate::{CalibrateVerb, WrittenArgs};
-use tapline_host::stdout::Stdout;
 
 /// Calibrates a channel, and writes it into the file of its station.
 pub(crate) fn calibrate(verb: &CalibrateVerb) -> Result<bool> {
