@@ -46,8 +46,7 @@ pub(crate) struct Wires {
     pub outbox: Arc<Outbox>,
     pub now: Arc<Now>,
     // Only held: they end when they are dropped.
-    _command: Option<Reporter>,
-    _print: Reporter,
+    _reporters: Vec<Reporter>,
     #[cfg(feature = "plant")]
     _wires: Vec<wire::Wire>,
 }
@@ -61,17 +60,9 @@ impl Wires {
         places: &Places,
         form: Form,
     ) -> Result<(Self, Vec<String>)> {
-        let is_there = [
-            (Receiver::Command, config.on_verdict.is_some()),
-            (Receiver::Mqtt, config.mqtt.is_some()),
-            (Receiver::OpcUa, config.opcua.is_some()),
-            (Receiver::Modbus, config.modbus.is_some()),
-            (Receiver::Print, true),
-        ];
-        let outbox =
-            Outbox::open(places, is_there.iter().filter(|(_, is_so)| *is_so).map(|&(receiver, _)| receiver).collect())?;
+        let outbox = Outbox::open(places, receivers(config))?;
         let command = config.on_verdict.as_deref().map(|command| on_verdict::start(command, &outbox)).transpose()?;
-        let print = print::start(form, &outbox)?;
+        let reporters = command.into_iter().chain([print::start(form, &outbox)?]).collect();
         let now = Arc::new(Now::new(stations));
         #[cfg(feature = "plant")]
         let (wires, said) = {
@@ -83,8 +74,7 @@ impl Wires {
         let started = Self {
             outbox,
             now,
-            _command: command,
-            _print: print,
+            _reporters: reporters,
             #[cfg(feature = "plant")]
             _wires: wires,
         };
@@ -97,6 +87,18 @@ impl Wires {
         drop(self);
         outbox.statuses()
     }
+}
+
+/// Who gets the verdicts of a line with this `config`.
+fn receivers(config: &LineConfig) -> Vec<Receiver> {
+    let is_there = [
+        (Receiver::Command, config.on_verdict.is_some()),
+        (Receiver::Mqtt, config.mqtt.is_some()),
+        (Receiver::OpcUa, config.opcua.is_some()),
+        (Receiver::Modbus, config.modbus.is_some()),
+        (Receiver::Print, true),
+    ];
+    is_there.into_iter().filter(|(_, is_there)| *is_there).map(|(receiver, _)| receiver).collect()
 }
 
 /// Starts the wires that `config` names; also returns their addresses, for people.
@@ -121,10 +123,9 @@ fn start_plant(config: &LineConfig, plant: &wire::Plant) -> Result<(Vec<wire::Wi
 
 /// Refuses wires that this build does not have, and unreadable files for them.
 pub(crate) fn check(config: &LineConfig) -> Result<()> {
-    let named =
-        [("mqtt", config.mqtt.is_some()), ("opcua", config.opcua.is_some()), ("modbus", config.modbus.is_some())];
-    if let Some((name, _)) = named.into_iter().find(|(_, is_named)| *is_named && !cfg!(feature = "plant")) {
-        return built_without(&format!("[line.{name}]"), "plant");
+    let is_wire = |receiver: &Receiver| !matches!(receiver, Receiver::Print | Receiver::Command);
+    if let Some(wire) = receivers(config).into_iter().find(is_wire).filter(|_| !cfg!(feature = "plant")) {
+        return built_without(&format!("[line.{}]", wire.name()), "plant");
     }
     config.on_verdict.as_deref().map(on_verdict::check).transpose()?;
     #[cfg(feature = "plant")]
