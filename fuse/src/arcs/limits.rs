@@ -88,9 +88,13 @@ impl Limits {
     pub(crate) fn probability(self, value: f64) -> f64 {
         match self {
             Self::File { .. } => {
-                // The limit falls with the rate, so halving the logarithm finds the rate whose limit the value is. Above 0.4 the
-                // quotient of quantiles in it has no meaning.
-                let (mut low, mut high) = (1e-9_f64.ln(), 0.4_f64.ln());
+                // Above this the quotient of quantiles in the limit has no meaning. Most places of a sound shoulder are there.
+                const MOST: f64 = 0.4;
+                if self.at(MOST) > value {
+                    return MOST;
+                }
+                // The limit falls with the rate, so halving the logarithm finds the rate whose limit the value is.
+                let (mut low, mut high) = (1e-9_f64.ln(), MOST.ln());
                 for _ in 0..60 {
                     let middle = 0.5 * (low + high);
                     if self.at(middle.exp()) > value { low = middle } else { high = middle }
