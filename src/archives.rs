@@ -2,10 +2,14 @@
 //!
 //! [`tapline_store::Folder`] decides which files of a folder count.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread::{Builder, available_parallelism, scope};
 
 use anyhow::{Context as _, Result, bail};
+use crossbeam::channel::bounded;
 use tapline_host::messages::print_line;
 use tapline_host::progress::{Progress, Unit};
 use tapline_store::{Folder, Reader, archive_of};
@@ -102,6 +106,47 @@ impl Archives {
         Ok(found)
     }
 
+    /// Has `work` done for each file, `jobs` files at a time; `take` gets what came of each, in the order of the files.
+    ///
+    /// # Errors
+    /// The first of `take`, or that a thread cannot be started.
+    pub(crate) fn work_on<T: Send>(
+        &self,
+        jobs: usize,
+        work: impl Fn(&ArchiveFile) -> T + Sync,
+        mut take: impl FnMut(&ArchiveFile, T) -> Result<()>,
+    ) -> Result<()> {
+        let next = AtomicUsize::new(0);
+        let (send, receive) = bounded(jobs);
+        scope(|threads| {
+            for number in 0..jobs.min(self.files.len()) {
+                let (send, next, work) = (send.clone(), &next, &work);
+                let work = move || {
+                    loop {
+                        let number = next.fetch_add(1, Ordering::Relaxed);
+                        let Some(file) = self.files.get(number) else { return };
+                        // After an error of `take` nobody receives.
+                        if send.send((number, work(file))).is_err() {
+                            return;
+                        }
+                    }
+                };
+                let thread = Builder::new().name(format!("archive-{number}"));
+                thread.spawn_scoped(threads, work).context("cannot start a thread")?;
+            }
+            drop(send);
+            let (mut early, mut due) = (BTreeMap::new(), self.files.iter().zip(0..).peekable());
+            for (number, done) in receive {
+                early.insert(number, done);
+                while let Some((file, done)) = due.peek().and_then(|&(file, due)| Some((file, early.remove(&due)?))) {
+                    due.next();
+                    take(file, done)?;
+                }
+            }
+            Ok(())
+        })
+    }
+
     /// The files of `folder`.
     fn in_folder(&mut self, folder: &Path, which: Which) -> Result<Vec<ArchiveFile>> {
         let here = Folder::list(folder)?;
@@ -156,7 +201,12 @@ fn and_unfinished(count: usize) -> String {
     }
 }
 
-/// Work on archives, one after another: how far it has come, by their bytes, and how many have failed. One that fails is named, and
+/// How many files can be worked on at a time: one on each core.
+pub(crate) fn cores() -> usize {
+    available_parallelism().map_or(1, NonZeroUsize::get)
+}
+
+/// Work on archives: how far it has come, by their bytes, and how many have failed. One that fails is named, and
 /// the others are still done.
 #[derive(Debug)]
 pub(crate) struct Work {
@@ -190,6 +240,12 @@ impl Work {
     pub(crate) fn begin(&mut self, file: &ArchiveFile) {
         tracing::info!("reading {}", file.path.display());
         self.done_bytes += std::mem::replace(&mut self.bytes, file.bytes());
+        self.progress.update(self.done_bytes);
+    }
+
+    /// Notes that `file` is done: of several at a time, none has begun.
+    pub(crate) fn note_done(&mut self, file: &ArchiveFile) {
+        self.done_bytes += file.bytes();
         self.progress.update(self.done_bytes);
     }
 
@@ -300,6 +356,29 @@ mod tests {
         assert_eq!(found(Which::All).files.len(), 3);
         let twice = Archives::find(&[folder.path().join("C.h5"), folder.path().to_owned()], Which::Casings).unwrap();
         assert_eq!(names(&twice), ["C.h5", "1/A.h5"]);
+    }
+
+    /// Catches files whose results come in the order in which they are ready, and work that goes on after an error.
+    #[test]
+    fn several_files_at_a_time_come_in_their_order() {
+        let file = |k: usize| ArchiveFile { path: PathBuf::from(k.to_string()), name: PathBuf::new() };
+        let archives = Archives { files: (0..100).map(file).collect(), ..Archives::default() };
+        for jobs in [1, 3, 200] {
+            let mut order = Vec::new();
+            let take = |file: &ArchiveFile, done: PathBuf| {
+                assert_eq!(file.path, done);
+                order.push(done);
+                if order.len() < 60 { Ok(()) } else { bail!("enough") }
+            };
+            // The first of each three takes longest.
+            let work = |file: &ArchiveFile| {
+                let number: u64 = file.path.to_str().unwrap().parse().unwrap();
+                std::thread::sleep(std::time::Duration::from_micros(300 * (2 - number % 3)));
+                file.path.clone()
+            };
+            assert_eq!(archives.work_on(jobs, work, take).unwrap_err().to_string(), "enough");
+            assert!(order.iter().eq(archives.files[..60].iter().map(|file| &file.path)), "{jobs} {order:?}");
+        }
     }
 
     #[test]

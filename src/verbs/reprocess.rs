@@ -3,28 +3,26 @@
 //! The archive is never changed. The results go to a file beside it, named after their lineage, which every other verb reads
 //! like an archive.
 
-use std::cell::RefCell;
 use std::fs::File;
 use std::io::Write as _;
-use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::thread::{Builder, available_parallelism, scope};
+use std::sync::{Mutex, PoisonError};
+use std::thread::{Builder, scope};
 use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Context as _, Result, bail, ensure};
 use crossbeam::channel::{Sender, bounded};
 use serde_json::json;
 use tapline_fuse::{FuseConfig, Fusion, Reference};
-use tapline_host::messages::counted;
-use tapline_host::progress::{Progress, Unit};
+use tapline_host::messages::{counted, say};
 use tapline_host::signals::note_folder;
 use tapline_host::stdout::Stdout;
 use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_store::{Lineage, PutOutcome, ReadBuffer, Reader, Taps, Writer, lineage_key, results_path};
 use tapline_wire::{Discriminators, ScanState, TapHeader, TapState, now_ns};
 
-use crate::archives::{Archives, Which, Work};
+use crate::archives::{ArchiveFile, Archives, Which, Work, cores};
 use crate::cli::archives::ReprocessArgs;
 use crate::config::Config;
 use crate::config::lineage::{made_by, of_discriminators};
@@ -43,15 +41,33 @@ const WAITING_MAX: usize = 64;
 const FLUSH_TAPS: usize = 256;
 
 pub(crate) fn reprocess(args: &ReprocessArgs) -> Result<bool> {
-    let asked = Asked::new(args)?;
+    let jobs = if args.jobs == 0 { cores() } else { args.jobs };
+    ensure!(jobs <= JOBS_MAX, "--jobs is {jobs}; at most {JOBS_MAX} threads are started");
     let archives = Archives::find(&args.archives, Which::Casings)?;
+    // Where there are fewer archives than threads, the taps of each are shared among several.
+    let asked = Asked::new(args, jobs / archives.files.len().clamp(1, jobs))?;
     let mut work = Work::on(&archives);
-    for file in &archives.files {
-        let done = again(&file.path, &asked).with_context(|| format!("cannot judge {} again", file.path.display()));
+    let (begin, mut tap_count, mut read_count) = (Instant::now(), 0, 0);
+    let judge_again = |file: &ArchiveFile| {
+        again(&file.path, &asked).with_context(|| format!("cannot judge {} again", file.path.display()))
+    };
+    archives.work_on(jobs, judge_again, |file, done| {
+        work.note_done(file);
         if let Some(results) = work.take(file, done)? {
-            print(args, &file.path, &results)?;
-            work.note(results.is_complete);
+            work.beside(|| print(args, &file.path, &results))?;
+            work.note(results.made.is_complete);
+            tap_count += results.made.tap_count;
+            read_count += usize::from(results.made.is_from_samples);
         }
+        Ok(())
+    })?;
+    if tap_count > 0 {
+        let took_s = begin.elapsed().as_secs_f64();
+        #[expect(clippy::cast_precision_loss, reason = "a rate for people to read")]
+        let rate = tap_count as f64 / took_s;
+        let (taps, read) = (counted(tap_count, "tap", "taps"), counted(read_count, "archive", "archives"));
+        let text = format!("{taps} judged again in {took_s:.1} s, {rate:.0} taps/s; the samples of {read} were read");
+        work.beside(|| say(&text));
     }
     work.end()
 }
@@ -63,20 +79,15 @@ struct Asked {
     /// The text of `reference`, if that is a file.
     text: Option<String>,
     /// Fitting a reference takes longer than judging a casing.
-    kept: RefCell<KeptReferences>,
+    kept: Mutex<KeptReferences>,
     /// Whether samples are read even where discriminators would do.
     from_samples: bool,
-    /// Number of threads.
+    /// Number of threads for the samples of one.
     jobs: usize,
 }
 
 impl Asked {
-    fn new(args: &ReprocessArgs) -> Result<Self> {
-        let jobs = match args.jobs {
-            0 => available_parallelism().map_or(1, NonZeroUsize::get),
-            jobs => jobs,
-        };
-        ensure!(jobs <= JOBS_MAX, "--jobs is {jobs}; at most {JOBS_MAX} threads are started");
+    fn new(args: &ReprocessArgs, jobs: usize) -> Result<Self> {
         let read = |path: &PathBuf| {
             let config = Config::read(path)?.0;
             config.process.validate().with_context(|| path.display().to_string())?;
@@ -89,7 +100,7 @@ impl Asked {
             Some(Reference::File(path)) => Some(ReferenceFile::read(path)?.text),
             _ => None,
         };
-        Ok(Self { config, reference, text, kept: RefCell::default(), from_samples: args.from_samples, jobs })
+        Ok(Self { config, reference, text, kept: Mutex::default(), from_samples: args.from_samples, jobs })
     }
 }
 
@@ -143,7 +154,8 @@ impl Task {
 
     /// The fusion of this archive's taps.
     fn fusion(&self, asked: &Asked) -> Result<Fusion> {
-        let set = self.reference.as_deref().map(|text| asked.kept.borrow_mut().of_text(text)).transpose()?;
+        let kept = || asked.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let set = self.reference.as_deref().map(|text| kept().of_text(text)).transpose()?;
         let Config { fuse, process, .. } = &self.config;
         Fusions::new(fuse.clone(), *process, set).check(self.reader.plan())
     }
@@ -153,17 +165,26 @@ impl Task {
 struct Results {
     path: PathBuf,
     lineage_key: String,
+    made: Made,
+}
+
+/// What was made.
+struct Made {
+    /// Whether every tap is settled, and every shoulder judged.
     is_complete: bool,
+    /// How many taps had no results before.
+    tap_count: usize,
+    is_from_samples: bool,
 }
 
 fn again(archive: &Path, asked: &Asked) -> Result<Results> {
     let task = Task::new(archive, asked)?;
     note_folder(&task.out);
-    let is_complete = match made_before(&task)? {
-        Some(results) => is_complete(&results),
+    let made = match made_before(&task)? {
+        Some(results) => Made { is_complete: is_complete(&results), tap_count: 0, is_from_samples: false },
         None => make(&task, asked)?,
     };
-    Ok(Results { path: task.out, lineage_key: task.lineage_key, is_complete })
+    Ok(Results { path: task.out, lineage_key: task.lineage_key, made })
 }
 
 /// The results of `task`, if they are finished already. They become the newest again, which the other verbs take.
@@ -180,8 +201,8 @@ fn made_before(task: &Task) -> Result<Option<Reader>> {
     Ok(Some(results))
 }
 
-/// Makes the results of `task`; returns whether they are complete.
-fn make(task: &Task, asked: &Asked) -> Result<bool> {
+/// Makes the results of `task`.
+fn make(task: &Task, asked: &Asked) -> Result<Made> {
     let (reader, plan) = (&task.reader, task.reader.plan());
     // Before the file is made, so that a plan that cannot be judged leaves none.
     let mut fusion = task.fusion(asked)?;
@@ -192,34 +213,26 @@ fn make(task: &Task, asked: &Asked) -> Result<bool> {
         ..task.config_toml.as_str().into()
     };
     let mut writer = Writer::results(&task.out, (reader.path(), task.raw_digest), plan, lineage)?;
-    let begin = Instant::now();
     let settled_before = settled(&writer);
     let is_old = of_discriminators(reader.made_by()) == of_discriminators(&task.made_by) && !asked.from_samples;
     let how = if is_old { "from its discriminators" } else { "from its samples" };
-    let mut progress = Progress::new(Some(plan.taps().len() as u64), Unit::Things("taps"));
-    progress.print(&format!("judging {} again {how}, into {}", reader.path().display(), task.out.display()));
+    tracing::info!("judging {} again {how}, into {}", reader.path().display(), task.out.display());
     refuse(reader, &mut writer)?;
     if is_old {
         for found in reader.discriminators()?.into_iter().flatten() {
             put(&mut writer, &found)?;
         }
     } else {
-        extract(&reader.taps()?, &task.config.process, &mut writer, asked.jobs, |writer| {
-            let settled = settled(writer);
-            progress.update_since(settled as u64, (settled - settled_before) as u64, begin);
-        })?;
+        extract(&reader.taps()?, &task.config.process, &mut writer, asked.jobs)?;
     }
     judge(reader, &mut writer, &mut fusion)?;
-    let is_complete = writer.is_complete();
-    let done = settled(&writer) - settled_before;
+    let made = Made {
+        is_complete: writer.is_complete(),
+        tap_count: settled(&writer) - settled_before,
+        is_from_samples: !is_old,
+    };
     writer.finish()?;
-    progress.finish();
-    let took_s = begin.elapsed().as_secs_f64();
-    #[expect(clippy::cast_precision_loss, reason = "a rate for people to read")]
-    let rate = done as f64 / took_s;
-    let done = counted(done, "tap", "taps");
-    progress.print(&format!("{done} in {took_s:.1} s, {rate:.0} taps/s; lineage {}", &task.lineage_key[..12]));
-    Ok(is_complete)
+    Ok(made)
 }
 
 /// Prints where the results of an archive are.
@@ -228,7 +241,7 @@ fn print(args: &ReprocessArgs, archive: &Path, results: &Results) -> Result<()> 
     let text = match args.json {
         true => json!({
             "archive": archive.display().to_string(), "results": out, "lineage": results.lineage_key,
-            "is_complete": results.is_complete,
+            "is_complete": results.made.is_complete,
         })
         .to_string(),
         false => out,
@@ -256,13 +269,7 @@ fn refuse(reader: &Reader, writer: &mut Writer) -> Result<()> {
 }
 
 /// Extracts the discriminators of all taps that are not settled, on `jobs` threads, and puts them into `writer`.
-fn extract(
-    taps: &Taps,
-    config: &ProcessConfig,
-    writer: &mut Writer,
-    jobs: usize,
-    mut report: impl FnMut(&Writer),
-) -> Result<()> {
+fn extract(taps: &Taps, config: &ProcessConfig, writer: &mut Writer, jobs: usize) -> Result<()> {
     let to_do: Vec<u32> =
         (0..).zip(writer.ledger().taps()).filter(|(_, s)| **s == TapState::Missing).map(|(k, _)| k).collect();
     let next = AtomicU32::new(0);
@@ -286,7 +293,6 @@ fn extract(
             }
             if unflushed >= FLUSH_TAPS {
                 writer.flush()?;
-                report(writer);
                 unflushed = 0;
             }
         }
