@@ -7,16 +7,19 @@ mod pages;
 use std::collections::BTreeSet;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use anyhow::Result;
 use serde_json::json;
 use tapline_host::atomic_file::{check_folder, write_atomically};
 use tapline_host::stdout::Stdout;
+use tapline_store::Reader;
 
-use crate::archives::{Archives, Work};
+use crate::archives::{ArchiveFile, Archives, Work, cores};
 use crate::cli::archives::ReportArgs;
 use crate::config::Config;
 use crate::config::reference::KeptReferences;
+use crate::config::report::ReportConfig;
 use crate::report::evidence::{Evidence, Tyre};
 use crate::report::pages::shift::Shift;
 
@@ -26,30 +29,26 @@ const SHIFT: &str = "shift.html";
 /// Writes the pages of the archives in `args` into a folder; if none is given, it is named after the first archive.
 pub(crate) fn report(args: &ReportArgs) -> Result<bool> {
     let printed = args.config.as_deref().map(|path| Config::read(path).map(|(config, _)| config.report)).transpose()?;
+    printed.iter().try_for_each(ReportConfig::validate)?;
     let archives = Archives::find(&args.archives, args.results.which())?;
     let folder = args.out.clone().unwrap_or_else(|| default_folder(&args.archives[0]));
     check_folder(&folder, args.force.existing())?;
     let mut work = Work::on(&archives);
-    let (mut shift, mut names, mut references) = (Shift::default(), BTreeSet::new(), KeptReferences::default());
-    for file in &archives.files {
-        let Some(reader) = work.open(file)? else { continue };
-        let Some(mut evidence) = work.take(file, Evidence::read(&reader, &mut references))? else { continue };
-        if let Some(printed) = &printed {
-            evidence.config.report.clone_from(printed);
-        }
-        evidence.config.report.validate()?;
-        // If one of its pages cannot be made, the archive is left out of the shift too.
-        let pages =
-            evidence.tyres.iter().map(|tyre| pages::tyre::page(&reader, &evidence, tyre)).collect::<Result<Vec<_>>>();
-        let Some(pages) = work.take(file, pages)? else { continue };
-        let Some(()) = work.take(file, shift.look_at(&reader, &evidence))? else { continue };
+    let (mut shift, mut names, references) = (Shift::default(), BTreeSet::new(), Mutex::default());
+    let pages_of = |file: &ArchiveFile| Pages::of(file, printed.as_ref(), &references);
+    archives.work_on(cores(), pages_of, |file, pages| {
+        work.note_done(file);
+        let Some(Pages { reader, evidence, pages }) = work.take(file, pages)? else { return Ok(()) };
+        // If it cannot be in the shift it has no pages either.
+        let Some(()) = work.take(file, shift.look_at(&reader, &evidence))? else { return Ok(()) };
         for (tyre, page) in evidence.tyres.iter().zip(pages) {
             let name = name_for(&mut names, tyre, &file.casing());
             work.beside(|| put(&folder, &name, &page, args))?;
             shift.add_page(name);
         }
         shift.add_tyres(evidence);
-    }
+        Ok(())
+    })?;
     let is_complete = work.end()?;
     // Last, because it links to the others.
     let title = if archives.is_many { title_of(&args.archives) } else { String::new() };
@@ -57,6 +56,30 @@ pub(crate) fn report(args: &ReportArgs) -> Result<bool> {
         put(&folder, SHIFT, &page, args)?;
     }
     Ok(is_complete)
+}
+
+/// What an archive shows.
+struct Pages {
+    reader: Reader,
+    evidence: Evidence,
+    /// The page of each of its tyres.
+    pages: Vec<String>,
+}
+
+impl Pages {
+    /// Of the archive `file`, with the place and the people of `printed` if that is given.
+    fn of(file: &ArchiveFile, printed: Option<&ReportConfig>, references: &Mutex<KeptReferences>) -> Result<Self> {
+        let reader = Reader::open(&file.path)?;
+        let reference = references.lock().unwrap_or_else(PoisonError::into_inner).of(&reader);
+        let mut evidence = Evidence::read(&reader, reference.unwrap_or_default())?;
+        if let Some(printed) = printed {
+            evidence.config.report.clone_from(printed);
+        }
+        evidence.config.report.validate()?;
+        let pages =
+            evidence.tyres.iter().map(|tyre| pages::tyre::page(&reader, &evidence, tyre)).collect::<Result<_>>()?;
+        Ok(Self { reader, evidence, pages })
+    }
 }
 
 /// Title of the page of a shift with many archives.

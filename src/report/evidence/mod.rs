@@ -16,7 +16,7 @@ use tapline_wire::{
 };
 
 use crate::config::Config;
-use crate::config::reference::{KeptReferences, fusion_of};
+use crate::config::reference::fusion_of;
 use crate::report::evidence::condition::Condition;
 use crate::shown::whole::Whole;
 
@@ -122,14 +122,13 @@ pub(crate) struct Tap {
 }
 
 impl Evidence {
-    /// Reads the archive behind `reader`.
-    pub(crate) fn read(reader: &Reader, references: &mut KeptReferences) -> Result<Self> {
+    /// Reads the archive behind `reader`, which keeps `reference`.
+    pub(crate) fn read(reader: &Reader, reference: Option<Arc<ReferenceSet>>) -> Result<Self> {
         let plan = reader.plan();
         let (mut config, config_problem) = match Config::parse(reader.config()) {
             Ok(config) => (config, None),
             Err(error) => (Config::default(), Some(format!("{error:#}"))),
         };
-        let reference = references.of(reader).unwrap_or_default();
         let headers = reader.headers()?;
         let found = reader.discriminators()?;
         if let Some(set) = &reference {
