@@ -53,5 +53,5 @@ pub use contact::scene::{EffectiveLength, Scene};
 pub use contact::tables::{FACTORS, Field, Table, table};
 pub use error::Error;
 pub use tyre::crack::{Crack, plant_cracks, truth};
-pub use tyre::simulated::{RenderedTap, SimulatedRig, SimulatedTap, SimulatedTyre};
+pub use tyre::simulated::{SimulatedRig, SimulatedTap, SimulatedTyre};
 pub use tyre::simulation_config::{FaultKind, PlantedFault, SimulationConfig};

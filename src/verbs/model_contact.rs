@@ -17,8 +17,11 @@ pub(crate) fn contact(args: &ContactArgs) -> Result<bool> {
         None => {
             let choice = choose_by_trial(&scene, args.damping, args.tolerance).map_err(named)?;
             let error = choice.errors.of(choice.contact.rung);
-            let more =
-                vec![("tolerance", json!(choice.tolerance)), ("error", json!(error)), ("why", json!(choice.why()))];
+            let more = vec![
+                ("tolerance", json!(choice.tolerance)),
+                ("error", json!(error)),
+                ("why", json!(choice.to_string())),
+            ];
             (choice.contact, more)
         }
     };

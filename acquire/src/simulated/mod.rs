@@ -122,8 +122,7 @@ impl Source for SimulatedLine {
         header.channels = self.channels;
         let tap = self.tap(&header.id);
         let sample_total = self.rig.sample_total();
-        let rendered = self.rig.render(&tap, &mut i16_of_mut(buffer)[..sample_total]);
-        header.velocity_measured_m_per_s = rendered.velocity_measured_m_per_s;
+        header.velocity_measured_m_per_s = self.rig.render(&tap, &mut i16_of_mut(buffer)[..sample_total]);
         Ok(())
     }
 }

@@ -55,7 +55,7 @@ impl RungErrors {
 /// let deep = Scene { h_m: 80e-3, l_m: 20e-3, ..Scene::default() };
 /// let choice = choose_by_trial(&deep, DampingLaw::Exact, 0.1)?;
 /// assert_eq!(choice.contact.rung, Rung::Integral);
-/// assert!(choice.why().starts_with("integral is within 0.0"));
+/// assert!(choice.to_string().starts_with("integral is within 0.0"));
 /// # Ok::<(), tapline_model::Error>(())
 /// ```
 pub fn choose_by_trial(scene: &Scene, law: DampingLaw, tolerance: f64) -> Result<Choice, Error> {
@@ -70,13 +70,7 @@ pub fn choose_by_trial(scene: &Scene, law: DampingLaw, tolerance: f64) -> Result
     Ok(Choice { contact, tolerance, errors })
 }
 
-impl Choice {
-    /// Why this rung was chosen, in a sentence.
-    pub fn why(&self) -> String {
-        self.to_string()
-    }
-}
-
+/// Why this rung was chosen, in a sentence.
 impl fmt::Display for Choice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (rung, tolerance) = (self.contact.rung, self.tolerance);

@@ -60,7 +60,7 @@ fn bad_input_is_named() {
 #[test]
 fn reasons_are_given() {
     let deep = Scene { h_m: 80e-3, l_m: 20e-3, ..Scene::default() };
-    let why = |tolerance| choose_by_trial(&deep, DampingLaw::Exact, tolerance).unwrap().why();
+    let why = |tolerance| choose_by_trial(&deep, DampingLaw::Exact, tolerance).unwrap().to_string();
     let text = why(0.1);
     assert!(text.starts_with("integral is within 0.0") && text.contains("closed is off by"), "{text}");
     let text = why(0.0);

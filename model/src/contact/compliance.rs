@@ -6,8 +6,10 @@
 //! kappa, is the [map](crate::contact::compliance_map) A(e, rho). The bounds were checked against the differential equation
 //! all over the map (`compliance_tests`); outside the map there is none.
 
+use std::ops::RangeInclusive;
+
 use crate::contact::compliance_map::{EFFECT, RESTITUTIONS, RHO_MAX, RHO_MIN, RHOS};
-use crate::{DampedContact, DomainCheck, Impact};
+use crate::{DampedContact, Impact};
 
 /// Loss tangent of the map, that of a resilience of 0.25.
 pub(crate) const LOSS_TANGENT: f64 = 0.441_271_200_305;
@@ -22,24 +24,21 @@ pub(crate) struct Compliance {
 }
 
 impl Compliance {
-    /// The compliance of the layer under `impact`; `rigid` is the same contact on a rigid target.
-    ///
-    /// # Errors
-    /// The ratio that lies outside the map.
-    pub(crate) fn new(impact: &Impact, rigid: &DampedContact, loss_tangent: f64) -> Result<Self, DomainCheck> {
-        let Some(plate) = impact.plate else { return Ok(Self { epsilon: 0.0, membrane: 0.0 }) };
-        let e = check("rebound", rigid.restitution, RESTITUTIONS[0], 1.0 + 1e-6)?;
-        check("loss_tangent", loss_tangent, 0.99 * LOSS_TANGENT, 1.01 * LOSS_TANGENT)?;
+    /// The compliance of the layer under `impact`, where `rigid` is the same contact on a rigid target; `None` outside the map.
+    pub(crate) fn new(impact: &Impact, rigid: &DampedContact, loss_tangent: f64) -> Option<Self> {
+        let Some(plate) = impact.plate else { return Some(Self { epsilon: 0.0, membrane: 0.0 }) };
+        let e = within(rigid.restitution, RESTITUTIONS[0]..=1.0 + 1e-6)?;
+        within(loss_tangent, 0.99 * LOSS_TANGENT..=1.01 * LOSS_TANGENT)?;
         let (length_m, time_s) = impact.units();
         let kappa = plate.stiffness_n_per_m * time_s * time_s / impact.mass_kg;
         let rho = plate.stiffness_n_per_m * time_s * time_s / plate.mass_kg;
-        check("rho", rho, RHO_MIN, RHO_MAX)?;
-        let epsilon = check("epsilon", effect(e, rho) / kappa, 0.0, epsilon_max(e))?;
+        within(rho, RHO_MIN..=RHO_MAX)?;
+        let epsilon = within(effect(e, rho) / kappa, 0.0..=epsilon_max(e))?;
         // The layer goes no farther than twice its static deflection, and no farther than the impulse throws it.
         let (pushed, thrown) = (2.0 * rigid.f_max / kappa, (1.0 + e) * rho.sqrt() / kappa);
         let deflection_m = length_m * if pushed < thrown { pushed } else { thrown };
         let membrane = plate.membrane_n_per_m3 * deflection_m * deflection_m / plate.stiffness_n_per_m;
-        Ok(Self { epsilon, membrane: check("membrane", membrane, 0.0, 0.25)? })
+        Some(Self { epsilon, membrane: within(membrane, 0.0..=0.25)? })
     }
 
     /// Upper bound of the relative difference of any quantity between a rigid target and this layer.
@@ -50,7 +49,7 @@ impl Compliance {
     /// Whether the layer under `impact` is known to change no quantity of the contact by more than `tolerance`. The
     /// target is then as good as rigid: such a deep crack is a sound casing.
     pub(crate) fn is_rigid(impact: &Impact, rigid: &DampedContact, loss_tangent: f64, tolerance: f64) -> bool {
-        Self::new(impact, rigid, loss_tangent).is_ok_and(|compliance| compliance.bound() <= tolerance)
+        Self::new(impact, rigid, loss_tangent).is_some_and(|compliance| compliance.bound() <= tolerance)
     }
 }
 
@@ -59,9 +58,9 @@ const FIRST_ORDER: f64 = 1.15;
 /// Second-order coefficient; larger than any found for 40 000 random layers.
 const SECOND_ORDER: f64 = 1.0;
 
-fn check(name: &'static str, value: f64, low: f64, high: f64) -> Result<f64, DomainCheck> {
-    let check = DomainCheck { name, value, low, high };
-    if check.is_raised() { Err(check) } else { Ok(value) }
+/// `value` if it lies within `bounds`; NaN does not.
+fn within(value: f64, bounds: RangeInclusive<f64>) -> Option<f64> {
+    bounds.contains(&value).then_some(value)
 }
 
 /// Largest epsilon of the map: the layer soon leaves behind a body that rebounds slowly, or hits it a second time.

@@ -92,19 +92,18 @@ proptest! {
     }
 }
 
-/// Catches a ratio outside the map that is accepted, or that has the wrong name.
+/// Catches a ratio outside the map that is accepted.
 #[test]
 fn the_map_has_its_ends() {
-    let named = |e: f64, kappa: f64, rho: f64, loss_tangent: f64| {
+    let is_within = |e: f64, kappa: f64, rho: f64, loss_tangent: f64| {
         let impact = impact(e, Some((kappa, rho)));
-        Compliance::new(&impact, &DampedContact::new(impact.chi).unwrap(), loss_tangent).err().map(|c| c.name)
+        Compliance::new(&impact, &DampedContact::new(impact.chi).unwrap(), loss_tangent).is_some()
     };
-    assert_eq!(named(0.5, 100.0, 10.0, LOSS_TANGENT), None);
-    assert_eq!(named(0.29, 100.0, 10.0, LOSS_TANGENT), Some("rebound"));
-    assert_eq!(named(0.5, 100.0, 10.0, 0.3), Some("loss_tangent"));
-    assert_eq!(named(0.5, 100.0, 2e4, LOSS_TANGENT), Some("rho"));
-    assert_eq!(named(0.5, 1.0, 10.0, LOSS_TANGENT), Some("epsilon"));
-    assert_eq!(named(0.5, 100.0, 10.0, f64::NAN), Some("loss_tangent"));
+    assert!(is_within(0.5, 100.0, 10.0, LOSS_TANGENT));
+    assert!(!is_within(0.29, 100.0, 10.0, LOSS_TANGENT), "restitution");
+    assert!(!is_within(0.5, 100.0, 10.0, 0.3) && !is_within(0.5, 100.0, 10.0, f64::NAN), "loss tangent");
+    assert!(!is_within(0.5, 100.0, 2e4, LOSS_TANGENT), "rho");
+    assert!(!is_within(0.5, 1.0, 10.0, LOSS_TANGENT), "epsilon");
 }
 
 /// Catches a deep crack of the simulated tyre that is not treated as a sound casing, a shallow one that is, and a force

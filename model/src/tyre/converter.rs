@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use crate::SimulationConfig;
 use crate::tyre::identity::Generator;
+use crate::tyre::pulse::to_f32;
 
 /// Random bytes per number of noise.
 const BYTES: usize = 4;
@@ -30,24 +31,19 @@ pub(crate) struct Converter {
     bytes: Vec<u8>,
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "counts carry 16 bits; f32 holds them")]
-fn narrow(value: f64) -> f32 {
-    value as f32
-}
-
 impl Converter {
     pub(crate) fn new(config: &SimulationConfig) -> Self {
         const COUNTS: f64 = 32_768.0;
         let (counts_per_n, counts_per_v) = (COUNTS / config.force_full_scale_n, COUNTS / config.sound_full_scale_v);
         let angle = |n: u32| TAU * (f64::from(n) * config.hum_hz / config.sample_rate_hz).fract();
         Self {
-            counts_per_n: narrow(counts_per_n),
-            counts_per_v: narrow(counts_per_v),
-            force_noise: narrow(config.force_noise_n * counts_per_n / SUM_SD),
-            sound_noise: narrow(config.sound_noise_v * counts_per_v / SUM_SD),
+            counts_per_n: to_f32(counts_per_n),
+            counts_per_v: to_f32(counts_per_v),
+            force_noise: to_f32(config.force_noise_n * counts_per_n / SUM_SD),
+            sound_noise: to_f32(config.sound_noise_v * counts_per_v / SUM_SD),
             hum_v: config.hum_v,
-            hum_sine: (0..config.sample_count).map(|n| narrow(angle(n).sin())).collect(),
-            hum_cosine: (0..config.sample_count).map(|n| narrow(angle(n).cos())).collect(),
+            hum_sine: (0..config.sample_count).map(|n| to_f32(angle(n).sin())).collect(),
+            hum_cosine: (0..config.sample_count).map(|n| to_f32(angle(n).cos())).collect(),
             bytes: vec![0; BYTES * config.sample_count as usize],
         }
     }
@@ -60,7 +56,7 @@ impl Converter {
 
     /// Adds the hum to the sound in `signal` and converts it.
     pub(crate) fn sound(&mut self, signal: &mut [f32], hum_phase: f64, generator: &mut Generator, counts: &mut [i16]) {
-        let (sine, cosine) = (narrow(self.hum_v * hum_phase.cos()), narrow(self.hum_v * hum_phase.sin()));
+        let (sine, cosine) = (to_f32(self.hum_v * hum_phase.cos()), to_f32(self.hum_v * hum_phase.sin()));
         for ((value, s), c) in signal.iter_mut().zip(&self.hum_sine).zip(&self.hum_cosine) {
             *value += sine * s + cosine * c;
         }
@@ -112,7 +108,7 @@ mod tests {
     /// Catches noise with a mean or of the wrong size.
     #[test]
     fn noise_has_its_size() {
-        let counts = counts_of(0.0, narrow(100.0 / SUM_SD));
+        let counts = counts_of(0.0, to_f32(100.0 / SUM_SD));
         let mean = counts.iter().map(|&c| f64::from(c)).sum::<f64>() / 1e4;
         let sd = (counts.iter().map(|&c| f64::from(c).powi(2)).sum::<f64>() / 1e4).sqrt();
         assert!(mean.abs() < 4.0 && (sd - 100.0).abs() < 3.0, "{mean} {sd}");

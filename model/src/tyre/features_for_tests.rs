@@ -1,4 +1,4 @@
-//! The simplest feature extractor that can tell whether a simulated crack has an effect; the real one is another crate.
+//! The simplest feature extractor that shows whether a simulated crack has an effect; the real one is another crate.
 
 use std::f64::consts::{PI, TAU};
 

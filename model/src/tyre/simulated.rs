@@ -44,13 +44,6 @@ pub struct SimulatedTap<'a> {
     pub attempt: u16,
 }
 
-/// A rendered tap, apart from its samples.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RenderedTap {
-    /// Impact velocity as the rig measured it; NaN if the planned one is not a positive number.
-    pub velocity_measured_m_per_s: f64,
-}
-
 /// A rig that taps simulated tyres.
 ///
 /// The same seed, configuration, tyre and [`SimulatedTap`] give the same samples, in any order and on any number of rigs:
@@ -125,13 +118,14 @@ impl SimulatedRig {
         &self.config
     }
 
-    /// Renders `tap` into `samples`, `[force][sound]`, each of `sample_count` counts.
+    /// Renders `tap` into `samples`, `[force][sound]`, each of `sample_count` counts; returns the impact velocity as the rig measured it,
+    /// m/s.
     ///
-    /// A tap whose velocity is not a positive number touches nothing; its record is noise.
+    /// A tap whose planned velocity is not a positive number touches nothing: its record is noise, and its velocity NaN.
     ///
     /// # Panics
     /// If `samples` does not hold [`SimulatedRig::sample_total`] samples.
-    pub fn render(&mut self, tap: &SimulatedTap<'_>, samples: &mut [i16]) -> RenderedTap {
+    pub fn render(&mut self, tap: &SimulatedTap<'_>, samples: &mut [i16]) -> f64 {
         assert_eq!(samples.len(), self.sample_total(), "a record has force and sound");
         let mut generator = tap_identity(self.seed, "tap", tap).generator();
         // A separate generator, so that faults do not change the other random numbers of the tap.
@@ -151,7 +145,7 @@ impl SimulatedRig {
             distort_sound(kind, &self.config, &mut fault_generator, &mut self.signal);
         }
         self.converter.sound(&mut self.signal, drawn.hum_phase, &mut generator, sound);
-        RenderedTap { velocity_measured_m_per_s: drawn.velocity_measured_m_per_s }
+        drawn.velocity_measured_m_per_s
     }
 
     /// Static compliance in m/N of the layer above the crack with the largest effect on `tap`; 0 without a crack.

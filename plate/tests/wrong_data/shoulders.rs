@@ -59,7 +59,7 @@ fn modelled(plan: &Plan, tyre: SimulatedTyre, process: &ProcessConfig) -> Vec<Di
             repetition: id.repetition,
             attempt: 0,
         };
-        let measured = rig.render(&tap, &mut samples).velocity_measured_m_per_s;
+        let measured = rig.render(&tap, &mut samples);
         let header = TapHeader {
             id,
             plan_index: row,

@@ -89,7 +89,7 @@ pub(crate) fn tap_on(rig: &mut SimulatedRig, k: u32) -> Tap {
     };
     let mut header = TapHeader {
         id: TapId::default().with_velocity_m_per_s(Some(velocity_m_per_s)).unwrap(),
-        velocity_measured_m_per_s: rig.render(&tap, &mut samples).velocity_measured_m_per_s,
+        velocity_measured_m_per_s: rig.render(&tap, &mut samples),
         velocity_nominal_m_per_s: velocity_m_per_s,
         microphone_distance_m: config.microphone_distance_m,
         sample_format: SampleFormat::I16.code(),
