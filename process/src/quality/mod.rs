@@ -50,7 +50,7 @@ impl Policy {
 /// something for the flag.
 macro_rules! quality_config {
     (
-        thresholds { $($(#[$threshold_doc:meta])* $threshold:ident = $value:literal;)* }
+        thresholds { $($(#[$threshold_doc:meta])* $threshold:ident = $value:literal, $bound:literal: $is_good:expr;)* }
         policies { $($(#[$policy_doc:meta])* $policy:ident = $default:ident, $($flag:ident drops $features:expr),+;)* }
     ) => {
         /// The `[process.quality]` table: thresholds of the flags, and their policies.
@@ -75,6 +75,21 @@ macro_rules! quality_config {
                 Self { $($policy: Policy::Keep,)* ..Self::default() }
             }
 
+            /// Checks every threshold against its bound.
+            ///
+            /// # Errors
+            /// [`Error::OutOfBounds`] with the key, its value and the bound that it breaks.
+            pub fn validate(&self) -> Result<(), Error> {
+                $({
+                    let is_good: fn(f64, &Self) -> bool = $is_good;
+                    let (key, value, bound) = (stringify!($threshold), self.$threshold, $bound);
+                    if !(value.is_finite() && is_good(value, self)) {
+                        return Err(Error::OutOfBounds { table: "process.quality", key, value, unit: "", bound });
+                    }
+                })*
+                Ok(())
+            }
+
             /// Each flag with its policy, and the features that show whether the policy has dropped something.
             fn policies(&self) -> impl Iterator<Item = (Quality, Policy, &'static [Discriminator])> {
                 use Discriminator::{A2, FMax, Pr};
@@ -88,32 +103,32 @@ quality_config! {
     thresholds {
         /// Mass of the impactor, which distinguishes a second hit from the layer over a crack swinging back. 0 if it, or the
         /// scale of the force, is not known: then every second pulse is a second hit.
-        impactor_mass_kg = 0.0045;
+        impactor_mass_kg = 0.0045, "not below 0": |x, _| x >= 0.0;
         /// Largest second pulse of one hit, as a ratio to F_max.
-        double_hit_ratio_max = 0.02;
+        double_hit_ratio_max = 0.02, "above 0": |x, _| x > 0.0;
         /// Largest deviation of a single sample of the pulse from those beside it, as a ratio to F_max.
-        spike_ratio_max = 0.03;
+        spike_ratio_max = 0.03, "above 0": |x, _| x > 0.0;
         /// Smallest impulse of an impact, 2/pi F_max tau, as a ratio to mass times velocity of the impactor. It is 1 + e, and a fifth
         /// more for the shape of the pulse, e being the restitution.
-        impulse_ratio_min = 1.1;
+        impulse_ratio_min = 1.1, "not below 0": |x, _| x >= 0.0;
         /// Largest impulse of an impact, likewise.
-        impulse_ratio_max = 2.6;
+        impulse_ratio_max = 2.6, "above impulse_ratio_min": |x, all| x > all.impulse_ratio_min;
         /// Shortest contact time of a casing.
-        tau_min_s = 0.35e-3;
+        tau_min_s = 0.35e-3, "not below 0": |x, _| x >= 0.0;
         /// Longest contact time of a casing.
-        tau_max_s = 4e-3;
+        tau_max_s = 4e-3, "above tau_min_s": |x, all| x > all.tau_min_s;
         /// Smallest ratio of a channel's peak to the standard deviation of its noise.
-        snr_min = 50.0;
+        snr_min = 50.0, "not below 0": |x, _| x >= 0.0;
         /// Largest amplitude of hum, as a ratio to the peak of its channel.
-        hum_ratio_max = 0.02;
+        hum_ratio_max = 0.02, "above 0": |x, _| x > 0.0;
         /// Largest rise of the sound's envelope that is not another tap, as a ratio to the sound's peak.
-        neighbour_ratio_max = 0.1;
+        neighbour_ratio_max = 0.1, "above 0": |x, _| x > 0.0;
         /// Largest difference between measured and planned velocity, as a ratio to the planned one.
-        velocity_error_max = 0.03;
+        velocity_error_max = 0.03, "not below 0": |x, _| x >= 0.0;
         /// Shortest record, as a ratio to the planned one: the sound's powers are averages over the record.
-        record_ratio_min = 0.98;
+        record_ratio_min = 0.98, "from 0 to 1": |x, _| (0.0..=1.0).contains(&x);
         /// Longest time from when the force says that the sound begins until it is heard.
-        sound_delay_max_s = 0.45e-3;
+        sound_delay_max_s = 0.45e-3, "above 0": |x, _| x > 0.0;
     }
     policies {
         /// A clipped force affects F_max and tau, and with them A_1 and A_2.
@@ -160,39 +175,6 @@ impl QualityConfig {
             let is_wanted = policy == Policy::RetakeOrKeep || (policy == Policy::Retake && has_dropped());
             is_wanted && found.quality.contains(flag)
         })
-    }
-
-    /// Checks every threshold against its bounds.
-    ///
-    /// # Errors
-    /// [`Error::OutOfBounds`] with the key, its value and the bound that it breaks.
-    pub fn validate(&self) -> Result<(), Error> {
-        for (key, value, is_good, bound) in [
-            ("impactor_mass_kg", self.impactor_mass_kg, self.impactor_mass_kg >= 0.0, "not below 0"),
-            ("double_hit_ratio_max", self.double_hit_ratio_max, self.double_hit_ratio_max > 0.0, "above 0"),
-            ("tau_min_s", self.tau_min_s, self.tau_min_s >= 0.0, "not below 0"),
-            ("tau_max_s", self.tau_max_s, self.tau_max_s > self.tau_min_s, "above tau_min_s"),
-            ("snr_min", self.snr_min, self.snr_min >= 0.0, "not below 0"),
-            ("hum_ratio_max", self.hum_ratio_max, self.hum_ratio_max > 0.0, "above 0"),
-            ("neighbour_ratio_max", self.neighbour_ratio_max, self.neighbour_ratio_max > 0.0, "above 0"),
-            ("spike_ratio_max", self.spike_ratio_max, self.spike_ratio_max > 0.0, "above 0"),
-            ("impulse_ratio_min", self.impulse_ratio_min, self.impulse_ratio_min >= 0.0, "not below 0"),
-            (
-                "impulse_ratio_max",
-                self.impulse_ratio_max,
-                self.impulse_ratio_max > self.impulse_ratio_min,
-                "above impulse_ratio_min",
-            ),
-            ("record_ratio_min", self.record_ratio_min, (0.0..=1.0).contains(&self.record_ratio_min), "from 0 to 1"),
-            ("sound_delay_max_s", self.sound_delay_max_s, self.sound_delay_max_s > 0.0, "above 0"),
-            ("velocity_error_max", self.velocity_error_max, self.velocity_error_max >= 0.0, "not below 0"),
-        ] {
-            let is_good = value.is_finite() && is_good;
-            if !is_good {
-                return Err(Error::OutOfBounds { table: "process.quality", key, value, unit: "", bound });
-            }
-        }
-        Ok(())
     }
 }
 
