@@ -6,8 +6,8 @@ use std::time::Duration;
 use hdrhistogram::Histogram;
 use serde::{Deserialize, Serialize};
 use tapline_wire::{
-    DiscriminatorTopic, Discriminators, Line, LineError, Publisher, Quality, Received, RecordKind, Samples, Stamp,
-    Subscriber, TapHeader, TapTopic, monotonic_ns,
+    DiscriminatorTopic, Discriminators, Line, LineError, Publisher, Received, RecordKind, Samples, Stamp, Subscriber,
+    TapTopic, monotonic_ns,
 };
 
 use crate::{Error, ProcessConfig, ProcessExtractor};
@@ -38,7 +38,7 @@ pub struct Outcome {
     pub lost_count: u64,
     /// Median time from a tap's sending to its discriminators' sending.
     pub latency_p50_us: u64,
-    /// The same for the slowest one in a hundred.
+    /// The time that 99 of 100 taps do not exceed.
     pub latency_p99_us: u64,
 }
 
@@ -108,7 +108,9 @@ impl<'a> StageLoop<'a> {
                 self.latency_us.saturating_record(latency_us);
                 Ok(())
             }
-            Some(RecordKind::Refusal) => self.found.send(RecordKind::Data, stamp, &[refused(header)]),
+            Some(RecordKind::Refusal) => {
+                self.found.send(RecordKind::Data, stamp, &[Discriminators::refused(header.id, header.plan_index)])
+            }
             Some(kind @ (RecordKind::Barrier | RecordKind::End)) => self.found.send(kind, stamp, &[]),
             _ => Ok(()),
         }
@@ -128,16 +130,6 @@ impl<'a> StageLoop<'a> {
 /// An empty histogram of latencies in us, to three digits.
 fn latencies() -> Histogram<u64> {
     Histogram::new_with_bounds(1, LATENCY_MAX_US, 3).expect("these bounds are allowed")
-}
-
-fn refused(tap: &TapHeader) -> Discriminators {
-    Discriminators {
-        id: tap.id,
-        plan_index: tap.plan_index,
-        quality: Quality::REFUSED,
-        velocity_measured_m_per_s: f64::NAN,
-        ..Discriminators::default()
-    }
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! The discriminators of an archive, sent again to a stage that missed them.
 
-use tapline_wire::{Discriminators, Quality, TapId, TapState};
+use tapline_wire::{Discriminators, TapState};
 
 use crate::error::{Context, Result};
 use crate::format::fields::at_attempt;
@@ -13,8 +13,8 @@ impl Writer {
     /// The discriminators of taps from plan row `from` on, for a stage that missed them: at most `most` records, and the row to
     /// continue from, `None` at the end of the plan.
     ///
-    /// Records that wait for a flush or for their samples are included; a refused tap is a record without values and with
-    /// [`Quality::REFUSED`]. A call covers a bounded number of rows, so it may return no record before the end.
+    /// Records that wait for a flush or for their samples are included, and [`Discriminators::refused`] for each refused tap.
+    /// A call covers a bounded number of rows, so it may return no record before the end.
     ///
     /// # Errors
     /// What the library returns.
@@ -28,7 +28,7 @@ impl Writer {
             let (track, planned) = (&self.tracks[plan_index as usize], &taps[plan_index as usize].id);
             let (state, attempt) = track.state();
             if state == TapState::Refused {
-                records.push(refused(plan_index, at_attempt(*planned, attempt)));
+                records.push(Discriminators::refused(at_attempt(*planned, attempt), plan_index));
             } else if track.has_discriminators() {
                 let row = self.pending.discriminators.get(&plan_index).copied().unwrap_or(row);
                 records.push(row.to_discriminators(planned));
@@ -36,10 +36,4 @@ impl Writer {
         }
         Ok((records, u32::try_from(last).ok().filter(|_| last < taps.len())))
     }
-}
-
-/// The record that stands for a refused tap.
-fn refused(plan_index: u32, id: TapId) -> Discriminators {
-    let quality = Quality::REFUSED;
-    Discriminators { id, plan_index, quality, velocity_measured_m_per_s: f64::NAN, ..Discriminators::default() }
 }

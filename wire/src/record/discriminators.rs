@@ -281,3 +281,11 @@ pub struct Discriminators {
     /// The values.
     pub values: Values,
 }
+
+impl Discriminators {
+    /// The record of the refused tap `id` in row `plan_index`: it has no values.
+    pub fn refused(id: TapId, plan_index: u32) -> Self {
+        let quality = Quality::REFUSED;
+        Self { id, plan_index, quality, velocity_measured_m_per_s: f64::NAN, ..Self::default() }
+    }
+}
