@@ -28,7 +28,7 @@ pub fn channel(header: &TapHeader, samples: Samples<'_>, kind: Channel) -> Optio
 }
 
 /// Power density of `signal` in its unit squared per Hz, in bins of `sample_rate_hz` over its length: the one-sided
-/// boxcar periodogram of the whole record (Eq. 50).
+/// boxcar periodogram of the whole record (the PSD of Eqs. 52 and 53).
 ///
 /// # Errors
 /// Those of the transform.

@@ -1,20 +1,26 @@
-//! The sound's two areas and, without a force, its onset.
+//! The sound's onset, with and without a force, and its two areas.
 //!
 //! Conventions of the method's section 2, made exact: between samples the sound is a straight line, and its magnitude
 //! at an end between two samples is the magnitude of that line there. Magnitudes, including those at the ends, are
 //! joined by straight lines too.
 
 use crate::Real;
+use crate::force::Pulse;
 use crate::signal::area::interpolated;
 use crate::signal::blocks::Blocks;
 use crate::signal::real::sum_of_squares;
 use crate::signal::record::Count;
 
 /// Speed of sound c in air, m/s.
-pub(crate) const SOUND_M_PER_S: f64 = 343.0;
+const SOUND_M_PER_S: f64 = 343.0;
 
 /// Standard deviations of the sound before the trigger that an onset must exceed.
 const ONSET_SIGMAS: f64 = 5.0;
+
+/// Where the sound of `pulse` begins at a microphone at this distance D, in samples: onset + D/c.
+pub(crate) fn sound_onset(pulse: Pulse, microphone_distance_m: f64, sample_rate_hz: f64) -> f64 {
+    pulse.onset_samples + microphone_distance_m / SOUND_M_PER_S * sample_rate_hz
+}
 
 /// First sample of `samples` that is further than 5 sigma from `base`, where sigma is the standard deviation of the
 /// first `pre_trigger_samples` (all p of them, around their own mean: `numpy.std`).

@@ -20,7 +20,7 @@ use crate::signal::blocks::Blocks;
 use crate::signal::extent::{Extent, Extremes};
 use crate::signal::hum::Hum;
 use crate::signal::record::{Count, Record, Track};
-use crate::sound::{SOUND_M_PER_S, deviation, magnitude_area, magnitude_of_noise};
+use crate::sound::{deviation, magnitude_area, magnitude_of_noise, sound_onset};
 use crate::spectrum::{Bands, Spectrum, View};
 use crate::{Error, ProcessConfig, Real};
 
@@ -35,7 +35,7 @@ pub struct Extractor<T: Real> {
     medians: Medians,
     finder: PulseFinder,
     blocks: Blocks,
-    /// Of the force, see [`fill_means`].
+    /// Means of the force's samples, see [`fill_means`].
     means: Vec<f32>,
     /// [`balance`](quality::balance) of the last tap's force, where it has one.
     force_balance: Option<f64>,
@@ -121,9 +121,6 @@ impl<T: Real> Extractor<T> {
     ) -> Result<Pulse, Quality> {
         let track = record.force.ok_or(Quality::NO_FORCE)?;
         let extent = checked(track, fill_means(track.samples, &mut self.means))?;
-        if extent.is_constant() {
-            report.note(Quality::NO_FORCE); // beside NO_PULSE, which drops A_2 too
-        }
         let peak_at = peak_at(track, extent).ok_or(Quality::NON_FINITE)?;
         let baseline_count = baseline_count(record.pre_trigger_samples, track.samples.len());
         // Without a baseline there is no pulse; the other rules still apply.
@@ -150,9 +147,10 @@ impl<T: Real> Extractor<T> {
             pulse: pulse.ok(),
             means: &self.means,
         };
-        let channel_flags = report.flags();
         *report = check_force(&force, &self.config.quality);
-        report.note(channel_flags);
+        if extent.is_constant() {
+            report.note(Quality::NO_FORCE); // beside NO_PULSE, which drops A_2 too
+        }
         if baseline_count.is_some_and(|count| stands_still(track.samples, extent, base, count)) {
             report.raise_on_pulse(Quality::DROPOUT, self.config.quality.dropout);
         }
@@ -169,13 +167,57 @@ impl<T: Real> Extractor<T> {
         report: &mut QualityReport,
     ) -> Result<(), Quality> {
         let track = record.sound.ok_or(Quality::NO_SOUND)?;
+        let sample_rate_hz = record.sample_rate_hz;
+        let Centring { extent, baseline_count, base, noise, gain } = self.centre(record, track)?;
+        if extent.is_constant() || track.unit_per_count == 0.0 {
+            report.note(Quality::NO_SOUND);
+            return Err(Quality::NO_ONSET); // a dead microphone has no spectrum rather than a quiet one
+        }
+        let sound = SoundRecord {
+            track,
+            extent,
+            base,
+            signal: &self.signal,
+            gain,
+            noise,
+            baseline_count,
+            onset: pulse.ok().map(|pulse| sound_onset(pulse, microphone_distance_m, sample_rate_hz)),
+            has_distance: microphone_distance_m > 0.0,
+            sample_rate_hz,
+            f_top_hz: self.config.f_top_hz,
+            known: found.0.quality,
+        };
+        *report = check_sound(&sound, &mut self.blocks, &self.config.quality);
+        if let Some(of_force) = self.force_balance {
+            let of_sound = quality::balance(extent, base);
+            if quality::are_swapped(of_force, of_sound) {
+                report.raise(Quality::SWAPPED, self.config.quality.swapped, &Discriminator::ALL);
+            }
+        }
+        let hum = self.subtract_hum(baseline_count, sample_rate_hz);
+        let window = match baseline_count {
+            Some(_) => window(record, track, base, microphone_distance_m, pulse),
+            None => Err(Quality::NO_BASELINE),
+        };
+        match window {
+            Ok(window) => {
+                let value = |i: usize| track.samples[i].into() - base - hum.map_or(0.0, |hum| hum.at(i) / gain);
+                let quiet = baseline_count.filter(|_| self.config.subtract.has_noise());
+                let noise = quiet.map(|count| deviation(&self.signal[..count]));
+                self.areas(value, track.unit_per_count.abs(), window, sample_rate_hz, (gain, noise), found);
+            }
+            Err(why) => found.flag(why),
+        }
+        let tau_s = pulse.ok().map(|pulse| pulse.tau_samples / sample_rate_hz);
+        self.powers(sample_rate_hz, baseline_count, tau_s, track.unit_per_count.abs() / gain, found)
+    }
+
+    /// Fills the signal and its blocks with the sound of `track`, less its baseline and times a gain.
+    fn centre<C: Count>(&mut self, record: &Record<'_, C>, track: Track<'_, C>) -> Result<Centring<C>, Quality> {
         let baseline_count = baseline_count(record.pre_trigger_samples, track.samples.len());
-        let baseline = baseline_count.map(|count| {
-            let before = &track.samples[..count];
-            let base = self.medians.median(before);
-            (base, self.medians.noise_counts(before, base))
-        });
-        let base = baseline.map_or(0.0, |(base, _)| base); // the mean is in no band
+        let before = baseline_count.map(|count| &track.samples[..count]);
+        let base = before.map_or(0.0, |before| self.medians.median(before)); // the mean is in no band
+        let noise = before.map(|before| self.medians.noise_counts(before, base));
         // Without need of a gain the extremes are found in the pass that is made anyway.
         let known = if C::NEEDS_GAIN { Some(checked(track, Extent::find(track.samples))?) } else { None };
         let gain = known.map_or(1.0, |extent| extent.gain(base));
@@ -190,51 +232,53 @@ impl<T: Real> Extractor<T> {
         };
         self.blocks.fill(&mut self.signal, record.sample_rate_hz, centred);
         let extent = checked(track, known.or_else(|| extremes.extent()))?;
-        if extent.is_constant() || track.unit_per_count == 0.0 {
-            report.note(Quality::NO_SOUND);
-            return Err(Quality::NO_ONSET); // a dead microphone has no spectrum rather than a quiet one
-        }
-        let unit = track.unit_per_count.abs() / gain;
-        let travel_samples = microphone_distance_m / SOUND_M_PER_S * record.sample_rate_hz;
-        let sound = SoundRecord {
-            track,
-            extent,
-            base,
-            signal: &self.signal,
-            gain,
-            noise: baseline.map(|(_, noise)| noise),
-            baseline_count,
-            onset: pulse.ok().map(|pulse| pulse.onset_samples + travel_samples),
-            has_distance: microphone_distance_m > 0.0,
-            sample_rate_hz: record.sample_rate_hz,
-            f_top_hz: self.config.f_top_hz,
-            known: found.0.quality,
-        };
-        *report = check_sound(&sound, &mut self.blocks, &self.config.quality);
-        if let Some(of_force) = self.force_balance {
-            let of_sound = quality::balance(extent, base);
-            if quality::are_swapped(of_force, of_sound) {
-                report.raise(Quality::SWAPPED, self.config.quality.swapped, &Discriminator::ALL);
-            }
-        }
+        Ok(Centring { extent, baseline_count, base, noise, gain })
+    }
 
-        let hum = self.subtract_hum(baseline_count, record.sample_rate_hz);
+    /// Removes the hum from the signal, if the configuration asks for it and the `quiet` samples show it.
+    fn subtract_hum(&mut self, quiet: Option<usize>, sample_rate_hz: f64) -> Option<Hum> {
+        let count = quiet.filter(|_| self.config.subtract.has_hum())?;
+        let hum = Hum::fit(|i| self.signal[i].widened(), count, self.config.mains_hz / sample_rate_hz)?;
+        hum.subtract_from(&mut self.signal);
+        self.blocks.fill(&mut self.signal, sample_rate_hz, |_, _| ());
+        Some(hum)
+    }
 
-        let base_of_areas = baseline.ok_or(Quality::NO_BASELINE);
-        let window = base_of_areas.and_then(|(base, _)| window(record, track, base, microphone_distance_m, &pulse));
-        match window {
-            Ok(window) => {
-                let value = |i: usize| track.samples[i].into() - base - hum.map_or(0.0, |hum| hum.at(i) / gain);
-                let quiet = baseline_count.filter(|_| self.config.subtract.has_noise());
-                let noise = quiet.map(|count| deviation(&self.signal[..count]));
-                self.areas(value, track.unit_per_count.abs(), window, record.sample_rate_hz, (gain, noise), found);
-            }
-            Err(why) => found.flag(why),
+    /// A_1 and A_2 of a sound that has `value` counts of a `unit` at each sample. The signal is the sound times `gain`; its `noise`, in
+    /// the signal's unit, is subtracted from A_2.
+    fn areas(
+        &self,
+        value: impl Fn(usize) -> f64,
+        unit: f64,
+        window: Window,
+        sample_rate_hz: f64,
+        (gain, noise): (f64, Option<f64>),
+        found: &mut Found,
+    ) {
+        if let Some(onset) = window.onset {
+            let initial = area(value, onset, window.ringing); // Eq. 40
+            found.set(Discriminator::A1, initial.abs() * unit / sample_rate_hz);
         }
-        let tau_s = pulse.ok().map(|pulse| pulse.tau_samples / record.sample_rate_hz);
+        let of_noise = noise.map_or(0.0, |noise| magnitude_of_noise(&self.signal, window.ringing, noise));
+        let ringing = magnitude_area(&self.signal, &self.blocks, window.ringing) - of_noise; // Eq. 43 of the magnitude
+        if ringing < 0.0 {
+            return found.flag(Quality::NO_ONSET); // no more than noise
+        }
+        found.set(Discriminator::A2, ringing * (unit / gain) / sample_rate_hz);
+    }
+
+    /// PR, P_f, E_f and the centroid of the signal, of which 1 is a `unit`; `tau_s` is the tap's contact time.
+    fn powers(
+        &mut self,
+        sample_rate_hz: f64,
+        baseline_count: Option<usize>,
+        tau_s: Option<f64>,
+        unit: f64,
+        found: &mut Found,
+    ) -> Result<(), Quality> {
         let bands = self.bands(tau_s).ok_or(Quality::NO_BAND)?;
         let view = View {
-            sample_rate_hz: record.sample_rate_hz,
+            sample_rate_hz,
             edges: self.config.band_edges,
             quiet_count: self.config.subtract.has_noise().then(|| baseline_count.unwrap_or(0)),
         };
@@ -248,38 +292,6 @@ impl<T: Real> Extractor<T> {
         Ok(())
     }
 
-    /// Removes the hum from the signal, if the configuration asks for it and the `quiet` samples show it.
-    fn subtract_hum(&mut self, quiet: Option<usize>, sample_rate_hz: f64) -> Option<Hum> {
-        let count = quiet.filter(|_| self.config.subtract.has_hum())?;
-        let hum = Hum::fit(|i| self.signal[i].widened(), count, self.config.mains_hz / sample_rate_hz)?;
-        hum.subtract_from(&mut self.signal);
-        self.blocks.fill(&mut self.signal, sample_rate_hz, |_, _| ());
-        Some(hum)
-    }
-
-    /// A_1 and A_2 of a sound that has `value` counts of a `unit` at each sample. The signal is the sound times `gain`;
-    /// its `noise` is subtracted.
-    fn areas(
-        &self,
-        value: impl Fn(usize) -> f64,
-        unit: f64,
-        window: Window,
-        sample_rate_hz: f64,
-        (gain, noise): (f64, Option<f64>),
-        found: &mut Found,
-    ) {
-        if let Some(onset) = window.onset {
-            let initial = area(value, onset, window.ringing);
-            found.set(Discriminator::A1, initial.abs() * unit / sample_rate_hz);
-        }
-        let of_noise = noise.map_or(0.0, |noise| magnitude_of_noise(&self.signal, window.ringing, noise));
-        let ringing = magnitude_area(&self.signal, &self.blocks, window.ringing) - of_noise;
-        if ringing < 0.0 {
-            return found.flag(Quality::NO_ONSET); // no more than noise
-        }
-        found.set(Discriminator::A2, ringing * (unit / gain) / sample_rate_hz);
-    }
-
     /// The bands for a tap of contact time `tau_s`; `None` if an f_c that follows it leaves nothing below f_hi.
     ///
     /// f_c never follows below f_lo, where PR's band would reach beyond its reference.
@@ -290,6 +302,18 @@ impl<T: Real> Extractor<T> {
         let f_c_hz = if asked_for > f_lo_hz { asked_for } else { f_lo_hz };
         (f_c_hz <= f_hi_hz).then_some(Bands { f_c_hz, f_hi_hz, f_lo_hz, f_top_hz })
     }
+}
+
+/// How the signal follows from the samples of the sound: (sample - `base`) `gain`.
+struct Centring<C> {
+    extent: Extent<C>,
+    /// Samples that the baseline is computed from; `None` if the record has none, and `base` is 0.
+    baseline_count: Option<usize>,
+    /// Baseline, counts.
+    base: f64,
+    /// Standard deviation before the trigger, counts.
+    noise: Option<f64>,
+    gain: f64,
 }
 
 /// The `extent` of a channel; an error if a sample or the scale is not a number.

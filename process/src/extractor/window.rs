@@ -4,7 +4,7 @@ use tapline_wire::Quality;
 
 use crate::force::Pulse;
 use crate::signal::record::{Count, Record, Track};
-use crate::sound::{SOUND_M_PER_S, onset_without_force};
+use crate::sound::{onset_without_force, sound_onset};
 
 /// Where the sound's areas begin, in samples.
 #[derive(Debug, Clone, Copy)]
@@ -21,13 +21,12 @@ pub(super) fn window<C: Count>(
     track: Track<'_, C>,
     base: f64,
     microphone_distance_m: f64,
-    pulse: &Result<Pulse, Quality>,
+    pulse: Result<Pulse, Quality>,
 ) -> Result<Window, Quality> {
     let last = track.samples.len() as f64 - 1.0;
-    let window = match *pulse {
+    let window = match pulse {
         Ok(pulse) => {
-            let travel_samples = microphone_distance_m / SOUND_M_PER_S * record.sample_rate_hz;
-            let onset = pulse.onset_samples + travel_samples;
+            let onset = sound_onset(pulse, microphone_distance_m, record.sample_rate_hz);
             let has_distance = microphone_distance_m >= 0.0 && onset >= 0.0;
             has_distance.then_some(Window { onset: Some(onset), ringing: onset + pulse.tau_samples })
         }

@@ -98,10 +98,9 @@ impl<T: Real> Spectrum<T> {
         if !has_power {
             return Err(Quality::NO_BAND);
         }
-        // |X|^2 / (fs N) is a density, V^2/Hz (Eq. 50).
-        let density = 1.0 / (view.sample_rate_hz * count as f64);
+        let density = 1.0 / (view.sample_rate_hz * count as f64); // PSD = |X|^2/(fs N), V^2/Hz
         // The band's part of the mean square (Parseval).
-        let energy = |band: Folded| band.sum * density * grid.bin_width_hz();
+        let energy = |band: Folded| band.sum * density * grid.bin_width_hz(); // Eq. 53 times the bin width
         let power = BandPower {
             pr: flexural.sum / reference.sum, // Eq. 52
             p_f: flexural.largest * density,
