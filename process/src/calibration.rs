@@ -22,8 +22,8 @@ pub struct Blows {
     pub spread: f64,
 }
 
-/// The scale at which blows with these `peaks`, in parts of full scale, had peaks `known_n`; `None` for fewer than two,
-/// for lists of unequal length, or for a peak that is not above 0.
+/// The scale at which blows with these `peaks`, as fractions of full scale, had the peaks `known_n`; `None` for fewer than two, for
+/// lists of unequal length, or for a peak that is not above 0.
 pub fn of_blows(peaks: &[f64], known_n: &[f64]) -> Option<Blows> {
     let scales: Vec<f64> = peaks.iter().zip(known_n).map(|(peak, known_n)| known_n / peak).collect();
     if scales.len() < 2
@@ -51,7 +51,7 @@ pub struct Tone {
     pub drift: f64,
 }
 
-/// The tone near `frequency_hz` in `samples`; `None` of fewer than 100 periods of it, and above half of the rate.
+/// The tone near `frequency_hz` in `samples`; `None` if they hold fewer than 100 of its periods, or if it is above half of the rate.
 pub fn of_tone(samples: &[f32], sample_rate_hz: f64, frequency_hz: f64) -> Option<Tone> {
     let periods = samples.len() as f64 / sample_rate_hz * frequency_hz;
     if periods < 100.0 || (1.0 + SEARCH) * frequency_hz >= 0.5 * sample_rate_hz {
@@ -99,13 +99,16 @@ fn rms_at(samples: &[f32], sample_rate_hz: f64, frequency_hz: f64) -> f64 {
     SQRT_2 * re.hypot(im)
 }
 
-/// Mean of `of` the samples without their mean, and of their number, through Hann's window.
-fn windowed(samples: &[f32], of: impl Fn(f64, f64) -> f64) -> f64 {
+/// Mean of `term` through Hann's window, given each sample without the mean of all, and its number.
+fn windowed(samples: &[f32], term: impl Fn(f64, f64) -> f64) -> f64 {
     let count = samples.len() as f64;
     let window = |k: f64| 1.0 - (TAU * (k + 0.5) / count).cos();
     let mean = samples.iter().map(|&x| f64::from(x)).sum::<f64>() / count;
-    let sum: f64 =
-        (0..).zip(samples).map(|(k, &x)| (f64::from(k), x)).map(|(k, x)| window(k) * of(f64::from(x) - mean, k)).sum();
+    let sum: f64 = (0..)
+        .zip(samples)
+        .map(|(k, &x)| (f64::from(k), x))
+        .map(|(k, x)| window(k) * term(f64::from(x) - mean, k))
+        .sum();
     sum / count
 }
 
@@ -115,7 +118,7 @@ mod tests {
 
     /// Catches a mean of forces over a mean of peaks, a variance of a population, and blows that are no calibration.
     #[test]
-    fn blows_tell_the_scale() {
+    fn blows_give_the_scale() {
         let found = of_blows(&[0.25, 0.5], &[50.0, 110.0]).unwrap();
         assert!((found.full_scale_n - 210.0).abs() < 1e-9);
         assert!((found.spread - 200f64.sqrt() / 210.0).abs() < 1e-9, "{found:?}");
@@ -125,9 +128,9 @@ mod tests {
     }
 
     /// Catches a level that depends on where between two steps the frequency lies, on an offset, or on noise, and a level or a
-    /// purity that is not told.
+    /// purity that is wrong.
     #[test]
-    fn a_tone_tells_the_level() {
+    fn a_tone_gives_the_level() {
         let rate_hz = 48_000.0;
         let tone = |hz: f64, noise: f64, fall: f64| -> Vec<f32> {
             let mut seed = 7_u64;

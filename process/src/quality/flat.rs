@@ -8,7 +8,7 @@ const RUN: usize = 3;
 /// Differences below this fraction of the greatest one are rounding of single precision.
 const GRID: f64 = 1e-5;
 /// The lesser extreme counts only if it reaches this fraction of the greater: the silence between impacts is flat too.
-const SHARE: f64 = 0.3;
+const LESSER_FRACTION: f64 = 0.3;
 /// Spread of a flat top under noise, from its lowest to its highest sample, in standard deviations of the noise.
 const BAND_SIGMAS: f64 = 6.0;
 /// Where that spread exceeds this fraction of the extreme, noise hides whether the top is flat.
@@ -21,8 +21,8 @@ pub(crate) struct Leaving {
     reach: f64,
     /// Factor by which the fall there must exceed a parabola's.
     margin: f64,
-    /// By how much a fall half way must exceed that of a fourth power, as a part of how much a straight line does: a signal
-    /// that was cut has a corner.
+    /// How far the fall half way must lie from that of a fourth power (0) towards that of a straight line (1): a signal that was cut has a
+    /// corner.
     corner: f64,
 }
 
@@ -46,7 +46,7 @@ pub(crate) fn is_clipped<C: Count>(samples: &[C], extent: Extent<C>, base: f64, 
 pub(super) fn is_extreme<C: Count>(level: C, extent: Extent<C>, base: f64) -> bool {
     let (above, below) = (extent.largest.into() - base, base - extent.least.into());
     let greater = if above > below { above } else { below };
-    (level.into() - base).abs() >= SHARE * greater
+    (level.into() - base).abs() >= LESSER_FRACTION * greater
 }
 
 /// Whether the signal is cut off at the extreme that it first reaches `at` this sample: by the converter, or by what is in
@@ -209,7 +209,7 @@ mod tests {
     /// Catches clipping by an amplifier that is missed because noise lies on top of it, and a peak that counts as
     /// clipped because noise has made it flat.
     #[test]
-    fn an_amplifier_is_told_from_a_noisy_peak() {
+    fn an_amplifier_is_distinguished_from_a_noisy_peak() {
         let mut noise = Noise(7);
         for sigma in [10.0, 30.0, 60.0, 100.0] {
             let mut share = |part: f64| {

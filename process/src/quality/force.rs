@@ -253,7 +253,7 @@ fn impulse_ratio<C: Count>(
 
 /// Amplitude in counts of hum in the force after the pulse, where it exceeds `hum_ratio_max` of the peak.
 ///
-/// After the pulse a force is silent, so that a fit of a sine to [`HUM_PERIODS`] tells hum from whatever else there is.
+/// After the pulse a force is silent, so a sine that fits over [`HUM_PERIODS`] is hum and nothing else.
 fn hum<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape, config: &QualityConfig) -> Option<f64> {
     let means_per_s = force.sample_rate_hz / MEAN_OF as f64;
     let first = (shape.peak_at / MEAN_OF + 1).saturating_add((config.tau_max_s * means_per_s) as usize);
@@ -276,12 +276,12 @@ fn hum<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape, config: &QualityConf
     lines.max_by(f64::total_cmp)
 }
 
-/// Whether there is a second pulse besides the greatest that is not the layer returning; `hum`, in counts, is none.
+/// Whether there is a second pulse besides the greatest. A layer that swings back is none, and neither is the `hum`, in counts.
 fn is_double<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape, hum: f64, config: &QualityConfig) -> bool {
     let samples = force.track.samples;
     let limit = |noise: f64| {
-        let (share, sigmas) = (config.double_hit_ratio_max * shape.peak, RISE_SIGMAS * noise);
-        (if share > sigmas { share } else { sigmas }) + 2.0 * hum
+        let (of_peak, of_noise) = (config.double_hit_ratio_max * shape.peak, RISE_SIGMAS * noise);
+        (if of_peak > of_noise { of_peak } else { of_noise }) + 2.0 * hum
     };
     // Before: backwards from the pulse to where it is below the limit, and from there to the record's beginning.
     let of_sample = limit(force.noise);

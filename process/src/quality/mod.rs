@@ -46,8 +46,8 @@ impl Policy {
     }
 }
 
-/// Defines [`QualityConfig`]. A policy has its default, its flags, and the features that are absent if the policy has dropped
-/// something for the flag.
+/// Defines [`QualityConfig`]. A threshold has its default and its bound, in words and as a condition on its value and the whole table.
+/// A policy has its default, its flags, and the features that are absent if the policy has dropped something for the flag.
 macro_rules! quality_config {
     (
         thresholds { $($(#[$threshold_doc:meta])* $threshold:ident = $value:literal, $bound:literal: $is_good:expr;)* }
@@ -188,7 +188,7 @@ fn all_with(is_wanted: impl Fn(Feature) -> bool) -> Vec<Discriminator> {
     Discriminator::ALL.into_iter().filter(|which| is_wanted(which.feature())).collect()
 }
 
-/// Smallest of the two ways to the extremes over the greater, from which on a channel rings; and the greatest of a pulse.
+/// Smallest [`balance`] of a channel that rings, and greatest of a pulse.
 const RINGING_BALANCE: f64 = 0.05;
 const PULSE_BALANCE: f64 = 0.1;
 /// Factor by which the balance of a ringing exceeds that of the pulse beside it.
@@ -205,7 +205,7 @@ pub(crate) fn are_swapped(of_force: f64, of_sound: f64) -> bool {
     of_sound < PULSE_BALANCE && of_force > RINGING_BALANCE && of_force > BALANCE_RATIO * of_sound
 }
 
-/// Checks the length of a record, of which `used` samples are looked at, and would be `planned`; 0 if that is not known.
+/// Checks the length of a record: `used` samples of it are looked at, and of a whole one `planned` would be; 0 if that is not known.
 pub(crate) fn check_length(used: u32, planned: u32, config: &QualityConfig) -> QualityReport {
     let mut report = QualityReport::default();
     if f64::from(used) < config.record_ratio_min * f64::from(planned) {

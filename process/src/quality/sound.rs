@@ -115,7 +115,7 @@ pub(crate) fn check_sound<C: Count, T: Real>(
     if hum.is_some() {
         report.raise(Quality::HUM, config.hum, &OF_SOUND);
     }
-    let share = config.neighbour_ratio_max * peak;
+    let neighbour_min = config.neighbour_ratio_max * peak;
     let can_hear_before = !is_late && sound.onset.is_some();
     // Noise persists: what is louder before the tap than after it is not noise.
     let after = noise_after(sound, blocks, hum);
@@ -123,7 +123,7 @@ pub(crate) fn check_sound<C: Count, T: Real>(
     let is_ringing_before = can_hear_before
         && quiet.is_some_and(|quiet| {
             let before = sound.noise.map_or(0.0, |noise| noise * sound.gain);
-            let limit = greater(share, TAP_SIGMAS * quiet);
+            let limit = greater(neighbour_min, TAP_SIGMAS * quiet);
             before > STEADY * quiet && is_before(sound, blocks.peaks(), limit)
         });
     let noise = if is_ringing_before { quiet } else { noise(sound, after, hum, is_late) };
@@ -145,7 +145,7 @@ pub(crate) fn check_sound<C: Count, T: Real>(
         return report;
     }
     // A baseline over part of a period of hum is off by up to the hum's amplitude.
-    let limit = greater(share, TAP_SIGMAS * noise.unwrap_or(0.0)) + 2.0 * hum.map_or(0.0, |hum| hum.amplitude);
+    let limit = greater(neighbour_min, TAP_SIGMAS * noise.unwrap_or(0.0)) + 2.0 * hum.map_or(0.0, |hum| hum.amplitude);
     if is_ringing_before || (can_hear_before && is_before(sound, blocks.peaks(), limit)) {
         report.raise(Quality::NEIGHBOUR, config.neighbour, &OF_SOUND);
     }

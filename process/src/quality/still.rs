@@ -13,7 +13,7 @@ const RUN_MIN: usize = 12;
 const LN_IMPROBABLE: f64 = -40.0;
 /// Fewest pairs of neighbours from which p is computed.
 const PAIRS_MIN: usize = 16;
-/// Most samples before the trigger that are looked at: they tell p to a hundredth or two.
+/// Most samples before the trigger that are looked at: they give p to within a hundredth or two.
 const QUIET_MAX: usize = 1024;
 /// Samples of a probe: every run of [`RUN_MIN`] has a whole one.
 const PROBE: usize = 4;

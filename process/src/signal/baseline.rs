@@ -6,13 +6,13 @@ use pulp::x86::V4;
 use crate::signal::record::{Count, Key};
 use crate::signal::wide::Kernel;
 
-/// The median of normal values as a part of their mean, and that of their distances from it.
+/// Median of normal values over their mean, both counted from the least of them; and the same of their distances from the median.
 const MEDIAN_OF_NORMAL: f32 = 1.0;
 const MEDIAN_DISTANCE_OF_NORMAL: f32 = 0.845;
 
 /// How often a median is looked for around a guess.
 const GUESSES: u32 = 2;
-/// Of a few hundred normal values, and of their distances, the median is mostly within a 48th of their range of the guess.
+/// The median of a few hundred normal values, or of their distances, mostly lies within a 48th of their range from the guess.
 const REACH: i64 = 48;
 
 /// Number of samples that the baseline is computed from: the first floor(0.75 p) of a record of `sample_count`.
@@ -49,8 +49,8 @@ impl Medians {
         if sigma > C::ROUNDING_COUNTS { sigma } else { C::ROUNDING_COUNTS }
     }
 
-    /// The mean of the middle two by `key` as values `from_key`; 0 if there are none. Those of integers are first looked for `at` this part
-    /// of the mean.
+    /// The mean of the middle two of `samples` in the order of their `key`, which `from_key` reverses; 0 if there are none. Of integers
+    /// the middle is first looked for at the part `at` of their mean.
     fn middle<C: Count>(
         &mut self,
         samples: &[C],
@@ -67,7 +67,7 @@ impl Medians {
 
 /// The middle two of the `samples` by their `key`, equal if their number is odd; `None` if there are none. Fills `keys`.
 ///
-/// Counting the keys below a value uses vectors, where sorting needs comparisons. Of integers two narrow guesses are tried first, which hold
+/// Counting keys below a value uses vectors, where sorting needs comparisons. Of integers two narrow guesses are tried first, which hold
 /// for most noise; then the range of the median is quartered up to 16 times.
 struct Middle<'a, C: Count, F> {
     samples: &'a [C],

@@ -178,7 +178,7 @@ impl<T: Real, W: FnMut(usize, &mut [T])> Kernel for Fill<'_, T, W> {
             let samples = &mut signal[from * count..to * count];
             write(from * count, samples);
             for (number, two) in samples.chunks(2 * count).enumerate() {
-                // Of an odd number of blocks the last is taken twice, and once into lanes that no block has.
+                // The last of an odd number of blocks is taken twice, the second time into lanes that no block has.
                 let (first, second) = if two.len() > count { two.split_at(count) } else { (two, two) };
                 let of_two = Lanes::of_two(first, second);
                 for (sums, of_two) in sums.iter_mut().zip(of_two.0) {

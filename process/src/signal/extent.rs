@@ -8,7 +8,7 @@ use crate::signal::wide::Kernel;
 pub(crate) struct Extent<C> {
     pub least: C,
     pub largest: C,
-    /// Samples outside of which none is the smallest, or the largest.
+    /// Where every smallest sample lies, and every largest one.
     least_in: Span,
     largest_in: Span,
 }
@@ -96,7 +96,7 @@ pub(crate) struct Extremes<C: Count> {
 }
 
 impl<C: Count> Extremes<C> {
-    /// Those of the first sample.
+    /// The extremes of a record's first sample.
     pub(crate) fn of(first: C) -> Self {
         let span = Span { from: 0, to: 1 };
         Self { least: first.key(), largest: first.key(), least_in: span, largest_in: span }

@@ -37,7 +37,7 @@ pub(crate) trait Count: Copy + PartialOrd + Into<f64> {
     fn centred<T: Real>(self, base: f64, gain: f64) -> T;
 }
 
-/// An integer, and as many as one of its kind can count.
+/// An integer type of keys, and how many keys one of its kind can count.
 pub(crate) trait Key: Copy + Ord + Pod + From<bool> + AddAssign + Into<i64> + TryFrom<i64> {
     /// The greatest of its kind.
     const MAX: usize;

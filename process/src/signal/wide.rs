@@ -15,8 +15,8 @@ thread_local! {
     static IS_NARROW: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Makes this thread compute as on a processor without AVX-512 from now on, or no longer: their results and
-/// run times can then be seen on any processor.
+/// Makes this thread compute as on a processor without AVX-512, or ends that: so the results and run times of such
+/// a processor can be seen on any other.
 ///
 /// Transforms that are already planned do not change.
 pub fn without_avx512(is_narrow: bool) {
@@ -52,7 +52,7 @@ pub(crate) trait Kernel: Sized {
         self.run()
     }
 
-    /// The same, in the widest vectors.
+    /// Runs it in the widest vectors that the thread may use.
     fn wide(self) -> Self::Output {
         match widest() {
             #[cfg(target_arch = "x86_64")]
