@@ -194,11 +194,6 @@ impl FuseConfig {
         let Self { reject_rate, re_inspect_rate, .. } = *self;
         if reject_rate <= re_inspect_rate { Ok(()) } else { Err(Error::RejectRate { reject_rate, re_inspect_rate }) }
     }
-
-    /// The discriminators that enter the index, each with its direction.
-    pub(crate) fn directed(&self) -> Vec<(Discriminator, Direction)> {
-        self.discriminators.iter().map(|&d| (d, self.directions.of(d))).collect()
-    }
 }
 
 fn within(name: &'static str, value: f64, low: f64, high: f64) -> Result<(), Error> {

@@ -10,6 +10,7 @@ use tapline_wire::{
     encode_taps,
 };
 
+use crate::fusion::{count, empty_cells};
 use crate::{Error, Fusion};
 
 /// Why `fuse` cannot go on.
@@ -247,9 +248,8 @@ impl StageLoop<'_> {
 fn unjudged(plan: &Plan, seen: &BTreeMap<u32, Quality>, scan: usize) -> (Judgement, Vec<DamageCell>) {
     let planned = &plan.scans()[scan];
     let qualities = || planned.taps.iter().filter_map(|row| seen.get(row).copied());
-    let count = |is_refused: bool| {
-        let taps = qualities().filter(|quality| quality.contains(Quality::REFUSED) == is_refused);
-        u32::try_from(taps.count()).unwrap_or(u32::MAX)
+    let count_of = |is_refused: bool| {
+        count(qualities().filter(|quality| quality.contains(Quality::REFUSED) == is_refused).count())
     };
     let mut reasons = Reasons::NOT_COMPARABLE;
     // What may explain it, for example channels that are swapped.
@@ -259,17 +259,12 @@ fn unjudged(plan: &Plan, seen: &BTreeMap<u32, Quality>, scan: usize) -> (Judgeme
     let judgement = Judgement {
         verdict: Verdict::ReInspect.code(),
         reasons,
-        planned_count: u32::try_from(planned.taps.len()).unwrap_or(u32::MAX),
-        received_count: count(false),
-        refused_count: count(true),
+        planned_count: count(planned.taps.len()),
+        received_count: count_of(false),
+        refused_count: count_of(true),
         ..Judgement::default()
     };
-    let cell = |&(location, angle_deg): &(u32, Option<f64>)| DamageCell {
-        location,
-        angle_deg: angle_deg.unwrap_or(f64::NAN),
-        ..DamageCell::default()
-    };
-    (judgement, planned.locations.iter().map(cell).collect())
+    (judgement, empty_cells(planned))
 }
 
 #[cfg(test)]

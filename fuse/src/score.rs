@@ -2,6 +2,8 @@
 
 use tapline_wire::{Discriminator, Discriminators};
 
+use crate::fusion::count;
+use crate::stats::auc;
 use crate::{Error, FuseConfig, Fusion};
 
 /// Areas under the ROC curve over all locations whose truth is known, all shoulders pooled.
@@ -51,12 +53,11 @@ impl ScorePool {
     pub fn score(&self) -> Score {
         let (index, labels) = &self.index;
         let counted = |class: bool| index.iter().zip(labels).filter(|&(i, &l)| !i.is_nan() && l == class).count();
-        let count = |class: bool| u32::try_from(counted(class)).unwrap_or(u32::MAX);
         Score {
             index: auc(index, labels),
             discriminators: self.alone.each_ref().map(|(values, labels)| auc(values, labels)),
-            cracked_count: count(true),
-            sound_count: count(false),
+            cracked_count: count(counted(true)),
+            sound_count: count(counted(false)),
         }
     }
 }
@@ -80,70 +81,11 @@ fn pooled(
     Ok(pool)
 }
 
-/// Area under the ROC curve: the chance that a cracked location scores above a sound one, ties counting half.
-///
-/// NaN scores are left out with their labels (`true` is cracked). `None` if a class is then empty.
-/// O(n log n): the Mann-Whitney statistic from mid-ranks.
-///
-/// # Panics
-/// If there are not as many labels as scores.
-pub fn auc(scores: &[f64], labels: &[bool]) -> Option<f64> {
-    assert_eq!(scores.len(), labels.len(), "one label a score");
-    let pairs = scores.iter().copied().zip(labels.iter().copied());
-    // -0 + 0 = 0: the two zeros tie, though they sort apart.
-    let mut pairs: Vec<(f64, bool)> = pairs.filter(|(score, _)| !score.is_nan()).map(|(s, l)| (s + 0.0, l)).collect();
-    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let (mut sound_below, mut wins) = (0.0, 0.0);
-    for tied in pairs.chunk_by(|a, b| a.0.total_cmp(&b.0).is_eq()) {
-        let cracked = tied.iter().filter(|&&(_, is_cracked)| is_cracked).count() as f64;
-        let sound = tied.len() as f64 - cracked;
-        wins += cracked * (sound_below + 0.5 * sound);
-        sound_below += sound;
-    }
-    let cracked_count = pairs.len() as f64 - sound_below;
-    (cracked_count > 0.0 && sound_below > 0.0).then(|| wins / (cracked_count * sound_below))
-}
-
 #[cfg(test)]
 mod tests {
-    use proptest::prelude::*;
-
     use super::*;
     use crate::Reference;
     use crate::testing::{Casing, records, scored};
-
-    /// The definition: every pair of a cracked and a sound location.
-    fn auc_by_pairs(scores: &[f64], labels: &[bool]) -> Option<f64> {
-        let class = |c: bool| scores.iter().zip(labels).filter(move |&(s, &l)| l == c && !s.is_nan()).map(|(&s, _)| s);
-        let (mut wins, mut pairs) = (0.0, 0.0);
-        for cracked in class(true) {
-            for sound in class(false) {
-                pairs += 1.0;
-                wins += if cracked > sound {
-                    1.0
-                } else if cracked < sound {
-                    0.0
-                } else {
-                    0.5
-                };
-            }
-        }
-        (pairs > 0.0).then(|| wins / pairs)
-    }
-
-    proptest! {
-        #[test]
-        fn auc_is_that_of_all_pairs(
-            pairs in prop::collection::vec(
-                (prop_oneof![Just(f64::NAN), Just(f64::INFINITY), Just(-0.0), (-4..4).prop_map(f64::from)], any::<bool>()), 0..60)
-        ) {
-            // Catches ties counted as wins, NaN entering, and the classes swapped.
-            let (scores, labels): (Vec<f64>, Vec<bool>) = pairs.into_iter().unzip();
-            let (got, expected) = (auc(&scores, &labels), auc_by_pairs(&scores, &labels));
-            prop_assert_eq!(got.is_some(), expected.is_some());
-            prop_assert!((got.unwrap_or(0.0) - expected.unwrap_or(0.0)).abs() < 1e-12);
-        }
-    }
 
     #[test]
     fn each_discriminator_is_scored_alone() {

@@ -10,12 +10,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Each crate's sources, and how many layers its modules may have.
-const CRATES: [(&str, usize); 13] = [
+const CRATES: [(&str, usize); 14] = [
     ("wire/src", 3),
     ("model/src", 3),
     ("codec/src", 4),
     ("acquire/src", 5),
     ("process/src", 5),
+    ("fuse/src", 7),
     ("store/src", 5),
     ("export/src", 5),
     ("import/src", 5),

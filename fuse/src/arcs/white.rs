@@ -41,7 +41,7 @@ pub(crate) fn strongest_arcs(
     // What no place of the pattern has, and what is not drawn, counts nowhere.
     let has = |d: usize| pattern.by_offset.iter().flatten().any(|scores| scores[d].is_finite());
     let drawn: Vector = std::array::from_fn(|d| if of_places.deviation(d) > 0.0 && has(d) { 0.0 } else { f64::NAN });
-    let scatters: Vec<Cow<'_, Scatter>> = statistic.of_places().map(|scatter| scatter.there(&drawn)).collect();
+    let scatters: Vec<Cow<'_, Scatter>> = statistic.of_places().map(|scatter| scatter.restricted_to(&drawn)).collect();
     let shown = statistic.offsets().iter().map(|&offset| pattern.by_offset[offset].iter().map(has_value).collect());
     let shown: Vec<Vec<bool>> = shown.collect();
     let arcs: Vec<Arcs> = (0..shown.len()).map(|depth| Arcs::of(ring, &shown[..=depth])).collect();
@@ -331,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn rings_without_a_value_tell_nothing() {
+    fn rings_without_a_value_show_nothing() {
         // Catches a median of nothing.
         let ring = ring(3);
         let pattern = Scores { by_offset: vec![vec![ABSENT; 3]], ..Scores::default() };

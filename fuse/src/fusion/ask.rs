@@ -42,7 +42,7 @@ impl Fusion {
         // A casing that was taken away, or lacks taps for another reason, cannot pass even with a second reading.
         let is_refused = |seen: &Option<Seen>| seen.as_ref().is_some_and(|seen| seen.is_refused);
         let rows = |&scan: &usize| self.plan.scans()[scan].taps.iter();
-        if self.who.casing(scan).iter().flat_map(rows).any(|&row| is_refused(&self.seen[row as usize])) {
+        if self.groups.casing(scan).iter().flat_map(rows).any(|&row| is_refused(&self.seen[row as usize])) {
             return Ok(Vec::new());
         }
         let compared = self.compared(scan);

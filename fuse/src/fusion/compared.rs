@@ -6,7 +6,7 @@ use std::sync::Arc;
 use tapline_wire::{Geometry, Plan, Purpose, Values};
 
 use crate::fusion::judge::View;
-use crate::fusion::{Cache, Fusion, entering};
+use crate::fusion::{Cache, Fusion};
 use crate::index::{Scores, Setup};
 use crate::reference::fitted::FittedReference;
 use crate::reference::pattern::Pattern;
@@ -15,18 +15,18 @@ use crate::shoulder::velocity::{Normalisation, Struck};
 use crate::shoulder::{Shoulder, Turn};
 use crate::{Error, FuseConfig, Reference};
 
-/// Of each scan, the scans of its casing and those of its reference in the same run.
+/// Which scans are compared with which.
 #[derive(Debug, Clone)]
-pub(super) struct Who {
-    /// Scans of the same casing, ascending; the scan is among them.
+pub(super) struct ScanGroups {
+    /// For each scan those of its casing, ascending; it is one of them.
     casings: Vec<Vec<usize>>,
     /// The scan that all are compared with, where the reference is one of the run.
     named: Option<usize>,
     /// Whether each casing is its own reference.
-    pub(super) is_own: bool,
+    is_own: bool,
 }
 
-impl Who {
+impl ScanGroups {
     pub(super) fn new(config: &FuseConfig, plan: &Plan) -> Result<Self, Error> {
         let scans = plan.scans();
         let of_casing = |tyre| (0..scans.len()).filter(|&other| scans[other].tyre == tyre).collect();
@@ -67,17 +67,17 @@ pub(super) struct Compared {
     pub scans: Vec<usize>,
     pub shoulders: Vec<Shoulder>,
     pub conditions: Conditions,
-    /// `None` if nothing can be learned from the reference for such a scan.
-    pub found: Option<Found>,
+    /// As the reference judges them; `None` if nothing can be learned from it for such a scan.
+    pub by_reference: Option<Comparison>,
     /// By shoulder, whether its places differ more than those of the reference: on its scales noise looks like damage.
     pub is_scatter_off: Vec<bool>,
-    /// What the casing says of itself, where there is such a shoulder.
-    pub own: Option<Found>,
+    /// As the casing itself judges them, where there is such a shoulder.
+    pub by_itself: Option<Comparison>,
 }
 
-/// A casing as judged by a reference.
+/// The shoulders of a casing as one reference judges them.
 #[derive(Debug)]
-pub(super) struct Found {
+pub(super) struct Comparison {
     pub fitted: Arc<FittedReference>,
     /// By shoulder, with all taps.
     pub scores: Vec<Scores>,
@@ -85,18 +85,37 @@ pub(super) struct Found {
     pub readings: Option<Readings>,
 }
 
-/// What each of two readings says alone, by shoulder.
+/// The scores of each of two readings alone, by shoulder.
 #[derive(Debug)]
 pub(super) struct Readings {
     pub first: Vec<Scores>,
     pub second: Vec<Scores>,
 }
 
+impl Comparison {
+    fn new(fitted: Arc<FittedReference>, shoulders: &[Shoulder]) -> Self {
+        let scores = |shoulders: &[Shoulder]| fitted.index.scores(&shoulders.iter().collect::<Vec<_>>());
+        let has_second = shoulders.iter().any(|shoulder| shoulder.turns.iter().any(|turn| turn.controls.is_some()));
+        // A casing that is its own reference was scored when that was fitted, without second readings.
+        let is_scored = fitted.setup.is_own && !has_second;
+        let of_all = if is_scored { fitted.own_scores.clone() } else { scores(shoulders) };
+        let readings = has_second.then(|| {
+            let second: Vec<Shoulder> = shoulders.iter().map(Shoulder::second_reading).collect();
+            Readings { first: scores(&first_readings(shoulders)), second: scores(&second) }
+        });
+        Self { fitted, scores: of_all, readings }
+    }
+}
+
+fn first_readings(shoulders: &[Shoulder]) -> Vec<Shoulder> {
+    shoulders.iter().map(Shoulder::first_reading).collect()
+}
+
 impl Fusion {
     /// The casing of scan number `scan` compared with its reference, from what has come so far.
     pub(super) fn compared(&mut self, scan: usize) -> Arc<Compared> {
-        let changes: Vec<(usize, u64)> =
-            self.who.involved(scan).into_iter().map(|involved| (involved, self.progress[involved].changes)).collect();
+        let involved = self.groups.involved(scan).into_iter();
+        let changes: Vec<(usize, u64)> = involved.map(|scan| (scan, self.progress[scan].changes)).collect();
         if let Some(cache) = &self.cache
             && cache.changes == changes
         {
@@ -108,56 +127,43 @@ impl Fusion {
     }
 
     fn compare(&self, scan: usize) -> Compared {
-        let scans = self.who.casing(scan).to_vec();
+        let scans = self.groups.casing(scan).to_vec();
         let pattern = self.pattern(scan);
         let conditions = pattern.conditions.clone();
         let normalisation = self.normalisation(&conditions, scan);
-        let all = |&scan: &usize| self.shoulder(&conditions, &normalisation, scan);
-        let first = |&scan: &usize| all(&scan).without_second_readings();
-        let shoulders: Vec<Shoulder> = scans.iter().map(all).collect();
-        let setup = |is_own| setup(&self.config, &conditions, is_own, self.plan.geometry == Geometry::Line);
+        let shoulders_of = |scans: &[usize]| -> Vec<Shoulder> {
+            scans.iter().map(|&scan| self.shoulder(&conditions, &normalisation, scan)).collect()
+        };
+        let shoulders = shoulders_of(&scans);
+        let setup = |is_own| Setup::new(&self.config, &conditions, is_own, self.plan.geometry == Geometry::Line);
         let offsets = conditions.offsets_inwards();
-        let fitted_to_itself = || {
-            let firsts: Vec<Shoulder> = scans.iter().map(first).collect();
-            FittedReference::fit(setup(true), &offsets, &firsts).map(Arc::new)
+        let fitted_to = |shoulders: &[Shoulder], is_own| {
+            FittedReference::fit(setup(is_own), &offsets, &first_readings(shoulders)).map(Arc::new)
         };
         let fitted = match &self.set {
             Some(set) => set.fitted(&setup(false), &offsets, &pattern, &normalisation),
-            None if self.who.is_own => fitted_to_itself(),
-            None => {
-                let named: Vec<Shoulder> = self.who.reference(scan).iter().map(first).collect();
-                FittedReference::fit(setup(false), &offsets, &named).map(Arc::new)
-            }
+            None if self.groups.is_own => fitted_to(&shoulders, true),
+            None => fitted_to(&shoulders_of(self.groups.reference(scan)), false),
         };
-        let found = |fitted: Arc<FittedReference>| {
-            let casing: Vec<&Shoulder> = shoulders.iter().collect();
-            let has_second = casing.iter().any(|shoulder| shoulder.turns.iter().any(|turn| turn.controls.is_some()));
-            // A casing that is its own reference was scored when that was fitted, without second readings.
-            let is_scored = fitted.setup.is_own && !has_second;
-            let scores = if is_scored { fitted.own_scores.clone() } else { fitted.index.scores(&casing) };
-            let readings = has_second.then(|| {
-                let alone = |which: &dyn Fn(&usize) -> Shoulder| {
-                    let shoulders: Vec<Shoulder> = scans.iter().map(which).collect();
-                    fitted.index.scores(&shoulders.iter().collect::<Vec<_>>())
-                };
-                Readings { first: alone(&first), second: alone(&|scan| all(scan).of_second_readings()) }
-            });
-            Found { fitted, scores, readings }
-        };
-        let by_reference = fitted.map(&found);
-        let scatters_more = (0..shoulders.len()).map(|number| {
-            let view = by_reference.as_ref().map(|by_reference| View::new(&shoulders[number], number, by_reference));
+        let by_reference = fitted.map(|fitted| Comparison::new(fitted, &shoulders));
+        let scatters_more = |number: usize| {
+            let view = by_reference.as_ref().map(|comparison| View::new(&shoulders[number], number, comparison));
             view.is_some_and(|view| view.scatters_more(self.config.re_inspect_rate))
-        });
-        let is_scatter_off: Vec<bool> = scatters_more.collect();
-        let own = if is_scatter_off.contains(&true) { fitted_to_itself().map(&found) } else { None };
-        Compared { scans, shoulders, conditions, found: by_reference, is_scatter_off, own }
+        };
+        let is_scatter_off: Vec<bool> = (0..shoulders.len()).map(scatters_more).collect();
+        let itself = if is_scatter_off.contains(&true) { fitted_to(&shoulders, true) } else { None };
+        let by_itself = itself.map(|fitted| Comparison::new(fitted, &shoulders));
+        Compared { scans, shoulders, conditions, by_reference, is_scatter_off, by_itself }
     }
 
     /// The taps that scan number `scan` has, under the conditions of its casing and of its reference.
     fn pattern(&self, scan: usize) -> Pattern {
-        let planned: Vec<_> =
-            self.who.involved(scan).iter().flat_map(|&scan| distinct(self.entering(scan).map(|(_, id)| id))).collect();
+        let planned: Vec<_> = self
+            .groups
+            .involved(scan)
+            .iter()
+            .flat_map(|&scan| distinct(self.entering(scan).map(|(_, id)| id)))
+            .collect();
         let conditions = Conditions::of(planned.into_iter().chain(self.set.iter().flat_map(|set| set.taps())));
         let mut by_repetition: BTreeMap<(usize, u16), Vec<u32>> = BTreeMap::new();
         let first_readings =
@@ -176,15 +182,16 @@ impl Fusion {
         Pattern { conditions, turns }
     }
 
-    /// What the reference's taps tell of the velocity, those of an offset together.
+    /// The velocity's power laws as the reference's taps show them, those of an offset together.
     fn normalisation(&self, conditions: &Conditions, scan: usize) -> Normalisation {
         if !self.config.normalise_velocity {
             return Normalisation::default();
         }
-        let of_run = self.who.reference(scan).iter().flat_map(|&scan| self.entering(scan)).filter_map(|(row, id)| {
-            let seen = self.seen[row as usize].as_ref().filter(|seen| !seen.is_refused)?;
-            Some((conditions.offset_number(&id)?, seen.velocity_m_per_s, seen.values))
-        });
+        let of_run =
+            self.groups.reference(scan).iter().flat_map(|&scan| self.entering(scan)).filter_map(|(row, id)| {
+                let seen = self.seen[row as usize].as_ref().filter(|seen| !seen.is_refused)?;
+                Some((conditions.offset_number(&id)?, seen.velocity_m_per_s, seen.values))
+            });
         let of_set = self.set.iter().flat_map(|set| set.struck(conditions));
         let taps: Vec<Struck> = of_run.chain(of_set).collect();
         Normalisation::fitted(&taps)
@@ -196,7 +203,7 @@ impl Fusion {
         let mut turns: BTreeMap<(usize, u16), Vec<Values>> = BTreeMap::new();
         // Second readings are repetitions of their own.
         let mut controls: BTreeMap<(usize, u16), Vec<bool>> = BTreeMap::new();
-        for (row, id) in entering(&self.plan, scan) {
+        for (row, id) in self.entering(scan) {
             let place = planned.locations.binary_search_by_key(&id.location, |&(location, _)| location);
             let seen = self.seen[row as usize].as_ref().filter(|seen| !seen.is_refused);
             let (Some(condition), Ok(place), Some(seen)) = (conditions.number(&id), place, seen) else { continue };
@@ -219,17 +226,5 @@ impl Fusion {
             turns: turns.into_iter().map(turn).collect(),
             is_cracked: vec![None; place_count],
         }
-    }
-}
-
-/// What an index is to be fitted for.
-pub(crate) fn setup(config: &FuseConfig, conditions: &Conditions, is_own: bool, is_line: bool) -> Setup {
-    Setup {
-        kind: config.index,
-        discriminators: config.directed(),
-        offset_of: (0..conditions.count()).map(|condition| conditions.offset_of(condition)).collect(),
-        offset_count: conditions.offsets_mm().len(),
-        is_own,
-        has_common_level: is_own && is_line,
     }
 }

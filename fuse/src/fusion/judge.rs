@@ -1,17 +1,18 @@
 //! The verdict on a shoulder, and the map of its damage.
 
-use tapline_wire::{DamageCell, Discriminator, Geometry, Judgement, Reasons, RecordKind, Stamp};
+use tapline_wire::{DamageCell, Discriminator, Geometry, Judgement, Reasons, RecordKind, Scan, Stamp};
 
 use crate::arcs::regions::{arcs_above, damage_index};
 use crate::arcs::statistic::{Arc, Maps};
 use crate::evidence::{Sum, has_value};
 use crate::fusion::Fusion;
-use crate::fusion::compared::{Compared, Found};
+use crate::fusion::compared::{Compared, Comparison};
 use crate::index::Scores;
 use crate::reference::fitted::FittedReference;
 use crate::shoulder::Shoulder;
+use crate::stats::mean;
 use crate::verdict::verdict_of;
-use crate::verdict::whole_shoulder::Sound;
+use crate::verdict::whole_shoulder::SoundPlaces;
 use crate::{Error, FuseConfig};
 
 /// Most places of an arc that are tapped again; a longer one shows at some of its places as well.
@@ -44,7 +45,7 @@ pub(super) struct View<'a> {
     pub(super) shoulder: &'a Shoulder,
     /// What it is compared with.
     pub(super) fitted: &'a FittedReference,
-    /// The reference that was named, and what its index says: others where the scatter of the shoulder is off.
+    /// The reference that was named, and the scores by it: others than `fitted` and `scores` where the scatter of the shoulder is off.
     named: (&'a FittedReference, &'a Scores),
     is_scatter_off: bool,
     pub(super) scores: &'a Scores,
@@ -56,22 +57,21 @@ pub(super) struct View<'a> {
 }
 
 impl Compared {
-    /// Of scan number `scan`, which is among those compared.
-    ///
-    /// A shoulder whose scatter is off is compared with its own casing.
+    /// The shoulder of scan number `scan`, which is among those compared, as its reference judges it; one whose scatter is off, as its own
+    /// casing does.
     pub(super) fn view(&self, scan: usize) -> Option<View<'_>> {
         let number = self.scans.iter().position(|&s| s == scan)?;
-        let named = self.found.as_ref()?;
+        let named = self.by_reference.as_ref()?;
         let is_scatter_off = self.is_scatter_off[number];
-        let found = self.own.as_ref().filter(|_| is_scatter_off).unwrap_or(named);
-        let view = View::new(&self.shoulders[number], number, found);
+        let comparison = self.by_itself.as_ref().filter(|_| is_scatter_off).unwrap_or(named);
+        let view = View::new(&self.shoulders[number], number, comparison);
         Some(View { named: (&named.fitted, &named.scores[number]), is_scatter_off, ..view })
     }
 
     /// The other shoulder of the casing of scan number `scan`.
-    fn beside(&self, scan: usize) -> Option<Sound<'_>> {
+    fn beside(&self, scan: usize) -> Option<SoundPlaces<'_>> {
         let number = self.scans.iter().position(|&other| other != scan)?;
-        Some(Sound::found(&self.shoulders[number], &self.found.as_ref()?.scores[number].is_inlier))
+        Some(SoundPlaces::found(&self.shoulders[number], &self.by_reference.as_ref()?.scores[number].is_inlier))
     }
 }
 
@@ -89,13 +89,7 @@ impl Fusion {
         self.progress[scan].is_judged = true;
         let compared = self.compared(scan);
         let planned = &self.plan.scans()[scan];
-        let mut cells: Vec<DamageCell> = (planned.locations.iter())
-            .map(|&(location, angle)| DamageCell {
-                location,
-                angle_deg: angle.unwrap_or(f64::NAN),
-                ..DamageCell::default()
-            })
-            .collect();
+        let mut cells = empty_cells(planned);
         self.count_taps(scan, &mut cells);
         let seen = || planned.taps.iter().filter_map(|&row| self.seen[row as usize].as_ref());
         let refused_count = seen().filter(|seen| seen.is_refused).count();
@@ -211,9 +205,9 @@ impl Fusion {
 }
 
 impl<'a> View<'a> {
-    /// Of `shoulder`, which is that `number` of its casing, as `found` has it.
-    pub(super) fn new(shoulder: &'a Shoulder, number: usize, found: &'a Found) -> Self {
-        let Found { fitted, scores, readings } = found;
+    /// The view of `shoulder`, which is number `number` of the casing of `comparison`.
+    pub(super) fn new(shoulder: &'a Shoulder, number: usize, comparison: &'a Comparison) -> Self {
+        let Comparison { fitted, scores, readings } = comparison;
         let maps = |scores: &Vec<Scores>| fitted.statistic.maps(&scores[number].by_offset);
         Self {
             shoulder,
@@ -229,8 +223,7 @@ impl<'a> View<'a> {
 
     /// Whether the places of the shoulder differ from one another more than those of sound ones do.
     ///
-    /// A shoulder with an arc that reaches the re-inspect limit needs to scatter less for that: compared with its own casing it does not
-    /// pass either.
+    /// Where an arc reaches the re-inspect limit, less scatter suffices: compared with its own casing such a shoulder does not pass either.
     pub(super) fn scatters_more(&self, re_inspect_rate: f64) -> bool {
         let Some(limits) = &self.fitted.scatter_limits else { return false };
         let is_called = || !self.arcs(self.fitted.limits.at(re_inspect_rate)).is_empty();
@@ -244,46 +237,67 @@ impl<'a> View<'a> {
         with_second.filter(|(_, second)| second.is_none_or(|value| value >= CLEARED_SD)).collect()
     }
 
-    /// Fills in what the arcs of the shoulder and its level say.
+    /// Fills in the damage index, and what arcs, scatter and level say of the shoulder.
     fn judge(
         &self,
         config: &FuseConfig,
         geometry: Geometry,
-        other: Option<&Sound<'_>>,
+        other: Option<&SoundPlaces<'_>>,
         judgement: &mut Judgement,
         cells: &mut [DamageCell],
     ) {
-        let ring = &self.shoulder.ring;
-        let limits = self.fitted.limits;
-        judgement.limit_re_inspect = limits.at(config.re_inspect_rate);
-        judgement.limit_reject = limits.at(config.reject_rate);
-        let index = damage_index(&self.fitted.statistic, ring, &self.maps);
+        judgement.limit_re_inspect = self.fitted.limits.at(config.re_inspect_rate);
+        judgement.limit_reject = self.fitted.limits.at(config.reject_rate);
+        if self.fitted.supported_rate().is_none_or(|supported| config.reject_rate < supported) {
+            judgement.reasons.insert(Reasons::EXTRAPOLATED);
+        }
+        self.fill_index(judgement, cells);
+        self.judge_arcs(geometry, judgement, cells);
+        self.judge_scatter(judgement);
+        self.judge_level(config, geometry, other, judgement, cells);
+    }
+
+    /// Fills in the damage index of every place and the strongest arc, of all taps and of the first reading alone.
+    fn fill_index(&self, judgement: &mut Judgement, cells: &mut [DamageCell]) {
+        let (statistic, ring, limits) = (&self.fitted.statistic, &self.shoulder.ring, self.fitted.limits);
+        for (cell, index) in cells.iter_mut().zip(damage_index(statistic, ring, &self.maps)) {
+            cell.damage_index = index;
+            cell.p_value = if index.is_nan() { f64::NAN } else { limits.probability(index) };
+        }
+        match statistic.strongest(ring, &self.maps) {
+            Some(strongest) => {
+                judgement.strongest_arc = strongest.value;
+                judgement.p_value = limits.probability(strongest.value);
+                judgement.evidence = self.discriminators_at(strongest);
+            }
+            None => judgement.reasons.insert(Reasons::NO_INDEX),
+        }
         if let Some(first_maps) = &self.first_maps {
-            let first = damage_index(&self.fitted.statistic, ring, first_maps);
+            let first = damage_index(statistic, ring, first_maps);
             cells.iter_mut().zip(first).for_each(|(cell, index)| cell.first_index = index);
-            let strongest = self.fitted.statistic.strongest(ring, first_maps);
-            judgement.first_strongest_arc = strongest.map_or(f64::NAN, |arc| arc.value);
+            judgement.first_strongest_arc = statistic.strongest(ring, first_maps).map_or(f64::NAN, |arc| arc.value);
         }
-        for (place, cell) in cells.iter_mut().enumerate() {
-            cell.damage_index = index[place];
-            cell.p_value = if index[place].is_nan() { f64::NAN } else { limits.probability(index[place]) };
-        }
+    }
+
+    /// Adds the reasons of the arcs that reach the re-inspect limit, and fills in the regions that they form.
+    fn judge_arcs(&self, geometry: Geometry, judgement: &mut Judgement, cells: &mut [DamageCell]) {
+        let ring = &self.shoulder.ring;
         let arcs = self.arcs(judgement.limit_re_inspect);
         // By the scales of a reference that scatters less nothing is damage.
-        let tells_damage = !self.is_scatter_off || self.fitted.setup.is_own;
+        let can_be_damage = !self.is_scatter_off || self.fitted.setup.is_own;
         let mut is_inside = vec![false; ring.len()];
         for (arc, second) in &arcs {
             // A location on a line is isolated between distant ones: it is inspected again before it leads to REJECT.
             let is_alone = geometry == Geometry::Line && arc.length < 2;
             let is_confirmed = second.is_none_or(|value| value >= CONFIRMED_SD);
-            let is_damage = arc.value >= judgement.limit_reject && is_confirmed && !is_alone && tells_damage;
+            let is_damage = arc.value >= judgement.limit_reject && is_confirmed && !is_alone && can_be_damage;
             judgement.reasons.insert(if is_damage { Reasons::DAMAGE } else { Reasons::SUSPECT });
             ring.from(arc.start).take(arc.length).for_each(|place| is_inside[place] = true);
         }
         let regions = ring.numbered(|place| is_inside[place]);
         for (arc, _) in &arcs {
             let number = regions[arc.start];
-            let p_value = limits.probability(arc.value);
+            let p_value = self.fitted.limits.probability(arc.value);
             let of_region = cells.iter_mut().zip(&regions).filter(|(_, region)| **region == number);
             of_region.for_each(|(cell, _)| {
                 cell.region = number;
@@ -296,14 +310,14 @@ impl<'a> View<'a> {
         if 2 * is_inside.iter().filter(|&&inside| inside).count() > ring.len() {
             judgement.reasons.insert(Reasons::NO_SOUND_MAJORITY);
         }
+    }
+
+    /// Fills in how far the places of the shoulder differ, compared with those of the reference.
+    fn judge_scatter(&self, judgement: &mut Judgement) {
         let (reference, scores) = self.named;
         // A casing that is its own reference has the scatter of that.
         for (&(which, _), &scatter) in reference.setup.discriminators.iter().zip(&scores.scatter) {
             judgement.scatter[which as usize] = if reference.setup.is_own { f64::NAN } else { scatter };
-        }
-        let sound = Sound::found(self.shoulder, &scores.is_inlier);
-        if let Some(levels) = &reference.levels {
-            judgement.level = levels.times(&sound);
         }
         if self.is_scatter_off {
             judgement.reasons.insert(Reasons::SCATTER_OFF);
@@ -311,29 +325,33 @@ impl<'a> View<'a> {
         if self.is_scatter_off && self.fitted.setup.is_own {
             judgement.reasons.insert(Reasons::SELF_REFERENCE);
         }
-        match reference.levels.as_ref().and_then(|levels| levels.probability(&sound, other)) {
-            Some(probability) if probability < config.reject_rate => judgement.reasons.insert(Reasons::LEVEL_OFF),
-            Some(_) => {}
-            // Of a casing that is its own reference another reason says it, and locations in a line have no level in common.
-            // Nor has a shoulder of which nothing came.
-            None if reference.casing_count > 0
-                && geometry == Geometry::Ring
-                && index.iter().any(|value| !value.is_nan()) =>
-            {
-                judgement.reasons.insert(Reasons::LEVEL_UNKNOWN);
-            }
-            None => {}
+    }
+
+    /// Fills in the level of the shoulder as a whole, compared with the reference's: damage all round shows in nothing else.
+    fn judge_level(
+        &self,
+        config: &FuseConfig,
+        geometry: Geometry,
+        other: Option<&SoundPlaces<'_>>,
+        judgement: &mut Judgement,
+        cells: &[DamageCell],
+    ) {
+        let (reference, scores) = self.named;
+        let sound = SoundPlaces::found(self.shoulder, &scores.is_inlier);
+        if let Some(levels) = &reference.levels {
+            judgement.level = levels.times(&sound);
         }
-        if self.fitted.supported_rate().is_none_or(|supported| config.reject_rate < supported) {
-            judgement.reasons.insert(Reasons::EXTRAPOLATED);
+        let probability = reference.levels.as_ref().and_then(|levels| levels.probability(&sound, other));
+        if probability.is_some_and(|probability| probability < config.reject_rate) {
+            judgement.reasons.insert(Reasons::LEVEL_OFF);
         }
-        match self.fitted.statistic.strongest(ring, &self.maps) {
-            Some(strongest) => {
-                judgement.strongest_arc = strongest.value;
-                judgement.p_value = limits.probability(strongest.value);
-                judgement.evidence = self.discriminators_at(strongest);
-            }
-            None => judgement.reasons.insert(Reasons::NO_INDEX),
+        // A casing that is its own reference has another reason, and locations in a line have no level in common; a shoulder of which
+        // nothing came has no level.
+        let should_have_level = reference.casing_count > 0
+            && geometry == Geometry::Ring
+            && cells.iter().any(|cell| !cell.damage_index.is_nan());
+        if probability.is_none() && should_have_level {
+            judgement.reasons.insert(Reasons::LEVEL_UNKNOWN);
         }
     }
 
@@ -377,15 +395,14 @@ impl<'a> View<'a> {
         for (d, &(which, _)) in self.fitted.setup.discriminators.iter().enumerate() {
             let places = self.shoulder.ring.from(arc.start).take(arc.length);
             let scores = places.map(|place| self.scores.by_discriminator[place][d]).filter(|score| score.is_finite());
-            let (sum, count) = scores.fold((0.0, 0_u32), |(sum, count), score| (sum + score, count + 1));
-            means[which as usize] = sum / f64::from(count);
+            means[which as usize] = mean(scores).unwrap_or(f64::NAN);
         }
         means
     }
 
     /// Fills in at which offsets each region shows: best, and from the least to the greatest that has half of it.
     ///
-    /// Of offsets that show it alike, the one nearest to the belt edge counts: that is where such cracks begin.
+    /// If several offsets show it alike, the one nearest to the belt edge counts: that is where such cracks begin.
     fn mark_offsets(&self, compared: &Compared, cells: &mut [DamageCell]) {
         let offsets_mm = compared.conditions.offsets_mm();
         for region in 1..=cells.iter().map(|cell| cell.region).max().unwrap_or(0) {
@@ -410,6 +427,17 @@ impl<'a> View<'a> {
     }
 }
 
-fn count(of: usize) -> u32 {
+/// A damage map of `planned` in which nothing is known but the locations, in their order.
+pub(crate) fn empty_cells(planned: &Scan) -> Vec<DamageCell> {
+    let cell = |&(location, angle_deg): &(u32, Option<f64>)| DamageCell {
+        location,
+        angle_deg: angle_deg.unwrap_or(f64::NAN),
+        ..DamageCell::default()
+    };
+    planned.locations.iter().map(cell).collect()
+}
+
+/// `of` as a number of a record.
+pub(crate) fn count(of: usize) -> u32 {
     u32::try_from(of).unwrap_or(u32::MAX)
 }

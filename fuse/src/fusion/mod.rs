@@ -12,15 +12,16 @@ mod force;
 mod judge;
 mod reasons;
 
-pub(crate) use compared::setup;
 pub use judge::OffsetMap;
+pub(crate) use judge::{count, empty_cells};
 
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use tapline_wire::{Discriminator, Discriminators, Plan, Quality, TapId, Values};
 
-use crate::fusion::compared::{Compared, Who};
+use crate::fusion::compared::{Compared, ScanGroups};
+use crate::shoulder::conditions::name_as_planned;
 use crate::shoulder::ring::Ring;
 use crate::{Error, FuseConfig, Reference, ReferenceSet};
 
@@ -61,7 +62,7 @@ pub struct Fusion {
     scan_of_tap: Vec<u32>,
     seen: Vec<Option<Seen>>,
     progress: Vec<Progress>,
-    who: Who,
+    groups: ScanGroups,
     /// For each scan its locations.
     rings: Vec<Ring>,
     /// Shoulders of earlier runs that make the reference.
@@ -114,7 +115,7 @@ impl Fusion {
             scan_of_tap: plan.scan_of_tap(),
             seen: vec![None; plan.taps().len()],
             progress: vec![Progress::default(); plan.scans().len()],
-            who: Who::new(config, plan)?,
+            groups: ScanGroups::new(config, plan)?,
             rings: (plan.scans().iter().enumerate())
                 .map(|(scan, of)| Ring::of(plan.geometry, &of.locations, closing_location(plan, scan)))
                 .collect(),
@@ -172,7 +173,7 @@ impl Fusion {
 
     fn judge_again(&mut self, scan: usize) {
         for dependent in 0..self.progress.len() {
-            if self.who.involved(dependent).contains(&scan) {
+            if self.groups.involved(dependent).contains(&scan) {
                 self.progress[dependent].is_judged = false;
             }
         }
@@ -192,7 +193,7 @@ impl Fusion {
 
     /// Whether scan number `scan`, its casing and its reference have ended, and every tap of them has come or was refused.
     pub fn can_be_judged(&self, scan: usize) -> bool {
-        self.who.involved(scan).iter().all(|&involved| {
+        self.groups.involved(scan).iter().all(|&involved| {
             let progress = self.progress[involved];
             progress.is_ended && progress.seen_count == self.plan.scans()[involved].taps.len()
         })
@@ -208,15 +209,10 @@ impl Fusion {
     ///
     /// A name has the intended velocity: a tap that missed it is compared with its neighbours, and keeps its flag.
     fn entering(&self, scan: usize) -> impl Iterator<Item = (u32, TapId)> {
-        entering(&self.plan, scan)
+        let rows = self.plan.scans()[scan].taps.iter().copied();
+        rows.filter(|&row| !self.plan.taps()[row as usize].is_closing())
+            .map(|row| (row, name_as_planned(&self.plan, row)))
     }
-}
-
-pub(crate) fn entering(plan: &Plan, scan: usize) -> impl Iterator<Item = (u32, TapId)> {
-    let meant = |row: u32, id: TapId| id.with_velocity_m_per_s(plan.velocity_nominal_m_per_s(row)).unwrap_or(id);
-    let planned = |&row: &u32| (row, &plan.taps()[row as usize]);
-    let taps = plan.scans()[scan].taps.iter().map(planned).filter(|(_, tap)| !tap.is_closing());
-    taps.map(move |(row, tap)| (row, meant(row, tap.id)))
 }
 
 /// The location of the closing tap of a scan of `plan`.

@@ -13,7 +13,7 @@ impl Fusion {
     /// The reasons that follow from the state of the scan and of its reference.
     pub(super) fn reasons_of(&self, scan: usize, compared: &Arc<Compared>) -> Reasons {
         let mut reasons = Reasons::default();
-        for involved in self.who.involved(scan) {
+        for involved in self.groups.involved(scan) {
             let progress = self.progress[involved];
             if !progress.is_ended {
                 reasons.insert(Reasons::NOT_ENDED);
@@ -31,14 +31,14 @@ impl Fusion {
         if !Quality::on_most(seen().map(|seen| seen.quality)).is_empty() {
             reasons.insert(Reasons::FLAGGED);
         }
-        if self.who.reference(scan).contains(&scan) {
+        if self.groups.reference(scan).contains(&scan) {
             reasons.insert(Reasons::SELF_REFERENCE);
         }
         if self.lacks_features(scan) {
             reasons.insert(Reasons::FEATURES_ABSENT);
         }
         // What another shoulder lacks does not matter here, unless this one is compared with it.
-        if self.who.reference(scan).iter().any(|&other| other != scan && self.lacks_features(other)) {
+        if self.groups.reference(scan).iter().any(|&other| other != scan && self.lacks_features(other)) {
             reasons.insert(Reasons::REFERENCE_LACKS_FEATURES);
         }
         if self.plan.geometry == Geometry::Ring && !(self.rings[scan].is_whole() && self.has_whole_turns(scan)) {
@@ -105,7 +105,7 @@ impl Fusion {
         let conditions = &compared.conditions;
         let known: BTreeSet<usize> = match &self.set {
             None => {
-                let of_run = self.who.reference(scan).iter().flat_map(|&scan| self.entering(scan));
+                let of_run = self.groups.reference(scan).iter().flat_map(|&scan| self.entering(scan));
                 of_run.filter_map(|(_, id)| conditions.number(&id)).collect()
             }
             Some(set) => set.taps().filter_map(|id| conditions.number(&id)).collect(),

@@ -5,7 +5,7 @@ use tapline_wire::Direction;
 use crate::evidence::{ABSENT, Vector};
 use crate::index::{Index, Scores, Setup};
 use crate::shoulder::Shoulder;
-use crate::stats::mean_and_sd;
+use crate::stats::{mean, mean_and_sd};
 
 /// Fewest sound places that tell how the index scatters.
 const PLACES_MIN: usize = 8;
@@ -49,7 +49,9 @@ impl Extremes {
 
     /// The damage index of each place (Eq. 56), the mean over its conditions; `None` where nothing was scaled.
     fn values(&self, shoulder: &Shoulder) -> Vec<Option<f64>> {
-        let of = |conditions: Vec<Averaged>| mean(conditions.iter().map(|c| mean(self.scaled(c).into_iter())));
+        // Over the discriminators and conditions that are there; Eq. 56 has all of them.
+        let index = |of: &Averaged| mean(self.scaled(of).into_iter().flatten()); // Eq. 56
+        let of = |conditions: Vec<Averaged>| mean(conditions.iter().filter_map(index));
         averaged(&self.setup, shoulder).into_iter().map(of).collect()
     }
 
@@ -77,18 +79,14 @@ fn averaged(setup: &Setup, shoulder: &Shoulder) -> Vec<Vec<Averaged>> {
         let average = same_condition.map(|turns| Averaged {
             condition: turns[0].condition,
             x: (setup.discriminators.iter())
-                .map(|(which, _)| mean(turns.iter().map(|turn| turn.values[place].get(*which))).unwrap_or(f64::NAN))
+                .map(|(which, _)| {
+                    mean(turns.iter().filter_map(|turn| turn.values[place].get(*which))).unwrap_or(f64::NAN)
+                })
                 .collect(),
         });
         average.collect()
     };
     (0..shoulder.place_count()).map(of).collect()
-}
-
-/// The mean of those that are there (Eq. 56, whose N are all there).
-fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
-    let (sum, count) = values.flatten().fold((0.0, 0_u32), |(sum, count), value| (sum + value, count + 1));
-    (count > 0).then(|| sum / f64::from(count))
 }
 
 impl Index for Extremes {
@@ -111,7 +109,7 @@ impl Index for Extremes {
             };
             for (place, conditions) in averaged(&self.setup, shoulder).into_iter().enumerate() {
                 for (d, mean_score) in scores.by_discriminator[place].iter_mut().enumerate() {
-                    *mean_score = mean(conditions.iter().map(|c| self.scaled(c)[d])).unwrap_or(f64::NAN);
+                    *mean_score = mean(conditions.iter().filter_map(|c| self.scaled(c)[d])).unwrap_or(f64::NAN);
                 }
             }
             scores

@@ -12,9 +12,10 @@ use std::fmt::Debug;
 
 use tapline_wire::{Direction, Discriminator};
 
-use crate::IndexKind;
 use crate::evidence::{ABSENT, Vector, has_value};
 use crate::shoulder::Shoulder;
+use crate::shoulder::conditions::Conditions;
+use crate::{FuseConfig, IndexKind};
 
 /// What an index is to be fitted for.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,6 +31,20 @@ pub(crate) struct Setup {
     pub is_own: bool,
     /// Whether the shoulders of a casing have one level in common, as lines on one slab have.
     pub has_common_level: bool,
+}
+
+impl Setup {
+    /// For `config`; `is_line` if the locations of a shoulder are a line.
+    pub(crate) fn new(config: &FuseConfig, conditions: &Conditions, is_own: bool, is_line: bool) -> Self {
+        Self {
+            kind: config.index,
+            discriminators: config.discriminators.iter().map(|&which| (which, config.directions.of(which))).collect(),
+            offset_of: (0..conditions.count()).map(|condition| conditions.offset_of(condition)).collect(),
+            offset_count: conditions.offsets_mm().len(),
+            is_own,
+            has_common_level: is_own && is_line,
+        }
+    }
 }
 
 /// What an index says of the places of one shoulder.

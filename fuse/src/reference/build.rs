@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use tapline_wire::Discriminator;
 
-use crate::fusion::setup;
+use crate::index::Setup;
 use crate::reference::file::{Origin, ReferenceSet};
 use crate::reference::fitted::FittedReference;
 use crate::reference::known_shoulder::KnownShoulder;
@@ -13,8 +13,8 @@ use crate::reference::standing_out::standing_out;
 use crate::reference::summary::{ScaleLine, Summary};
 use crate::shoulder::velocity::Normalisation;
 use crate::shoulder::{Shoulder, Turn};
-use crate::stats::{mean_and_sd, median};
-use crate::{Direction, Directions, Error, FuseConfig, IndexKind, auc, index};
+use crate::stats::{auc, mean_and_sd, median};
+use crate::{Direction, Directions, Error, FuseConfig, IndexKind, index};
 
 /// Fewest locations of each class from which a direction is learned.
 const CLASS_MIN: usize = 20;
@@ -61,7 +61,7 @@ pub fn build_reference(of: &Built, shoulders: Vec<KnownShoulder>) -> Result<Refe
     }
     let config = FuseConfig { index: IndexKind::default(), directions: set.directions, ..of.config.clone() };
     config.validate()?;
-    let setup = setup(&config, &pattern.conditions, false, false);
+    let setup = Setup::new(&config, &pattern.conditions, false, false);
     // The result is cached: a scan like the reference's own needs the same.
     let offsets = pattern.conditions.offsets_inwards();
     let fitted = set.fitted(&setup, &offsets, &pattern, &Normalisation::default());
@@ -83,7 +83,7 @@ struct Learned {
 
 fn learned(pattern: &Pattern, shoulders: &[Shoulder], directions: Directions) -> BTreeMap<Discriminator, Learned> {
     let config = FuseConfig { discriminators: Discriminator::ALL.to_vec(), directions, ..FuseConfig::default() };
-    let setup = setup(&config, &pattern.conditions, false, false);
+    let setup = Setup::new(&config, &pattern.conditions, false, false);
     let all: Vec<&Shoulder> = shoulders.iter().collect();
     let sound: Vec<Vec<bool>> = all.iter().map(|shoulder| shoulder.sound()).collect();
     let Some(index) = index::fit(&setup, &all, &sound) else { return BTreeMap::new() };

@@ -13,7 +13,7 @@ use crate::reference::known_shoulder::KnownShoulder;
 use crate::reference::pattern::Pattern;
 use crate::reference::summary::Summary;
 use crate::shoulder::Shoulder;
-use crate::shoulder::conditions::{Conditions, distinct};
+use crate::shoulder::conditions::{Conditions, distinct, name_as_planned};
 use crate::shoulder::velocity::Normalisation;
 use crate::{Directions, Error};
 
@@ -193,8 +193,7 @@ impl ReferenceSet {
 
     /// A tap at each of its conditions, and at each of those of `plan`, by number.
     fn conditions_beside(&self, plan: &Plan) -> (BTreeMap<usize, TapId>, BTreeMap<usize, TapId>) {
-        let meant = |row: u32, id: TapId| id.with_velocity_m_per_s(plan.velocity_nominal_m_per_s(row)).unwrap_or(id);
-        let planned = distinct((0..).zip(plan.taps()).map(|(row, tap)| meant(row, tap.id)));
+        let planned = distinct((0..).zip(plan.taps()).map(|(row, _)| name_as_planned(plan, row)));
         let conditions = Conditions::of(planned.iter().copied().chain(self.taps()));
         let numbers = |taps: &mut dyn Iterator<Item = TapId>| -> BTreeMap<usize, TapId> {
             taps.filter_map(|tap| Some((conditions.number(&tap)?, tap))).collect()

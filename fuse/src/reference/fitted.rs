@@ -7,10 +7,10 @@ use crate::arcs::statistic::ArcStatistic;
 use crate::arcs::white::{self, White};
 use crate::evidence::has_value;
 use crate::index::{self, Index, Scores, Setup};
+use crate::reference::supported::supported_rate;
 use crate::shoulder::Shoulder;
 use crate::stats::mean_and_sd;
-use crate::verdict::supported::supported_rate;
-use crate::verdict::whole_shoulder::{Levels, Sound};
+use crate::verdict::whole_shoulder::{Levels, SoundPlaces};
 
 /// Fewest values that give the scatter of sound places: with fewer, limits that pass sound shoulders pass strong cracks
 /// (`docs/rates.md`).
@@ -69,7 +69,8 @@ impl FittedReference {
         let white = white::strongest_arcs(&statistic, ring, pattern, value_count)?;
         let values: Vec<f64> = strongest.iter().map(|(_, value)| *value).collect();
         let limits = Limits::by(&values, casing_count, white);
-        let sound = || all.iter().zip(&scores).map(|(shoulder, scores)| Sound::found(shoulder, &scores.is_inlier));
+        let sound =
+            || all.iter().zip(&scores).map(|(shoulder, scores)| SoundPlaces::found(shoulder, &scores.is_inlier));
         let levels = (!setup.is_own).then(|| Levels::fit(&setup, &sound().collect::<Vec<_>>()));
         Some(Self {
             setup,

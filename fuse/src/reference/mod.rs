@@ -8,3 +8,4 @@ pub(crate) mod known_shoulder;
 pub(crate) mod pattern;
 mod standing_out;
 pub(crate) mod summary;
+pub(crate) mod supported;

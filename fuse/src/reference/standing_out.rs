@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 use crate::arcs::limits::Limits;
 use crate::reference::fitted::FittedReference;
 use crate::shoulder::Shoulder;
-use crate::verdict::whole_shoulder::{Levels, Sound};
+use crate::verdict::whole_shoulder::{Levels, SoundPlaces};
 
 /// Probability that a sound casing stands out by an arc, or by the level of a shoulder. Below the rate at which shoulders are
 /// rejected: a reference has many casings, and without its widest ones its limits are too narrow.
@@ -44,8 +44,8 @@ fn by_levels(fitted: &FittedReference, shoulders: &[Shoulder]) -> Vec<usize> {
         let least = |casing: &&[&Shoulder]| {
             let number = casing[0].casing;
             let others = kept.iter().filter(|other| other.casing != number);
-            let levels = Levels::fit(&fitted.setup, &others.map(|other| Sound::known(other)).collect::<Vec<_>>());
-            let casing: Vec<Sound<'_>> = casing.iter().map(|shoulder| Sound::known(shoulder)).collect();
+            let levels = Levels::fit(&fitted.setup, &others.map(|other| SoundPlaces::known(other)).collect::<Vec<_>>());
+            let casing: Vec<SoundPlaces<'_>> = casing.iter().map(|shoulder| SoundPlaces::known(shoulder)).collect();
             let of = |place: usize| levels.probability(&casing[place], casing.get(1 - place));
             (0..casing.len().min(2)).filter_map(of).min_by(f64::total_cmp).map(|least| (number, least))
         };

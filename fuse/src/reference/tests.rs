@@ -181,7 +181,7 @@ fn every_index_finds_a_crack_beside_labelled_ones() {
 }
 
 #[test]
-fn directions_are_learned_where_labels_tell() {
+fn directions_are_learned_where_labels_suffice() {
     // Catches a direction learned from noise, and one that labels contradict and that stays.
     let casing = Casing { shifted: vec![Discriminator::Pr, Discriminator::Tau], ..labelled() };
     let mut wrong = built();
@@ -282,7 +282,7 @@ fn labelled_damage_does_not_hide_damage_all_round() {
 }
 
 #[test]
-fn few_casings_tell_no_level() {
+fn few_casings_give_no_level() {
     // Catches a PASS that does not say that damage all round was not looked for, and a remark where it was.
     let casing = Casing { shoulder_count: 2, repetition_count: 1, ..Casing::default() };
     for count in [1, 4, 5] {
@@ -323,7 +323,7 @@ fn a_crack_does_not_shift_the_level() {
 }
 
 #[test]
-fn the_level_is_told_as_a_multiple_of_the_reference() {
+fn the_level_is_a_multiple_of_the_reference() {
     // Catches a level beside another discriminator or turn, one of the logarithm of PR / (1 - PR), and one beside the casing itself.
     let set = Arc::new(set_of(sound(8)));
     let casing = Casing { shoulder_count: 2, repetition_count: 1, ..Casing::default() };
@@ -368,9 +368,9 @@ fn a_casing_that_is_noisier_than_the_reference_is_compared_with_itself() {
     }
     for (tap_sd, most) in [(1.0, 1), (0.5, 0)] {
         let casing = Casing { tap_sd, ..Casing::default() };
-        let told =
+        let called =
             (0..40).filter(|&seed| judged(&set, &file(), &casing, seed).1.contains(Reasons::SCATTER_OFF)).count();
-        assert!(told <= most, "{tap_sd}: {told} of 40");
+        assert!(called <= most, "{tap_sd}: {called} of 40");
     }
 }
 
@@ -382,14 +382,14 @@ fn damage_of_most_places_is_no_noise() {
     let casing = Casing { shoulder_count: 2, repetition_count: 1, shift: 6.0, ..Casing::default() };
     for count in [30, 50, 75] {
         let cracked = Casing { cracks: vec![(1, 0..count), (2, 0..count)], ..casing.clone() };
-        let told = (0..10).filter(|&seed| {
+        let called = (0..10).filter(|&seed| {
             let (verdict, reasons, _) = judged(&set, &file(), &cracked, seed);
             assert!(verdict == Verdict::Reject, "{count} {seed}: {reasons}");
             reasons.contains(Reasons::SCATTER_OFF)
         });
         // As on sound ones: a few in a hundred of each discriminator.
-        let told = told.count();
-        assert!(told <= 2, "{count}: {told} of 10");
+        let called = called.count();
+        assert!(called <= 2, "{count}: {called} of 10");
     }
     let labelled = (0..4).flat_map(|n| cracked(60, true, &format!("C{n}"))).collect();
     let set = set_of(labelled);

@@ -2,7 +2,7 @@
 
 use std::borrow::Borrow;
 
-use tapline_wire::TapId;
+use tapline_wire::{Plan, TapId};
 
 /// A velocity this much above the next lower one starts a new class.
 ///
@@ -104,6 +104,12 @@ pub(crate) fn distinct(taps: impl Iterator<Item = TapId>) -> Vec<TapId> {
     names.sort_by_key(name);
     names.dedup_by_key(|tap| name(tap));
     names
+}
+
+/// The name of the tap in row `row` of `plan`, with its planned velocity.
+pub(crate) fn name_as_planned(plan: &Plan, row: u32) -> TapId {
+    let id = plan.taps()[row as usize].id;
+    id.with_velocity_m_per_s(plan.velocity_nominal_m_per_s(row)).unwrap_or(id)
 }
 
 /// Offset and velocity of a tap, in an order.

@@ -48,7 +48,7 @@ impl Turn {
     }
 
     /// Whether its level is looked for at `place`.
-    pub(crate) fn tells_level_at(&self, place: usize) -> bool {
+    pub(crate) fn counts_for_level(&self, place: usize) -> bool {
         self.controls.as_ref().is_none_or(|controls| controls[place])
     }
 
@@ -78,16 +78,19 @@ impl Shoulder {
         self.ring.len()
     }
 
-    /// Without what was tapped again.
-    pub(crate) fn without_second_readings(mut self) -> Self {
-        self.turns.retain(|turn| turn.controls.is_none());
-        self
+    /// Only its first reading: without what was tapped again.
+    pub(crate) fn first_reading(&self) -> Self {
+        self.with_turns(|turn| turn.controls.is_none())
     }
 
-    /// What was tapped again alone.
-    pub(crate) fn of_second_readings(mut self) -> Self {
-        self.turns.retain(|turn| turn.controls.is_some());
-        self
+    /// Only what was tapped again.
+    pub(crate) fn second_reading(&self) -> Self {
+        self.with_turns(|turn| turn.controls.is_some())
+    }
+
+    fn with_turns(&self, is_kept: impl Fn(&Turn) -> bool) -> Self {
+        let turns = self.turns.iter().filter(|turn| is_kept(turn)).cloned().collect();
+        Self { ring: self.ring.clone(), casing: self.casing, turns, is_cracked: self.is_cracked.clone() }
     }
 
     /// Places that are not known to be cracked.

@@ -1,6 +1,5 @@
 //! From the findings on a shoulder to reasons and a verdict.
 
-pub(crate) mod supported;
 pub(crate) mod whole_shoulder;
 
 use tapline_wire::{Reasons, Verdict};

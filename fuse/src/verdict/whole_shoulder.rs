@@ -6,7 +6,7 @@ use tapline_wire::Discriminator;
 
 use crate::index::Setup;
 use crate::shoulder::{Shoulder, Turn, value_of};
-use crate::stats::{self, median};
+use crate::stats::{self, mean, median};
 
 /// Independent of the microphone's gain.
 const FREE_OF_GAIN: [Discriminator; 3] = [Discriminator::FMax, Discriminator::Tau, Discriminator::Pr];
@@ -19,13 +19,13 @@ const PLACES_PART: usize = 5;
 
 /// A shoulder with the places that tell its level.
 #[derive(Debug)]
-pub(crate) struct Sound<'a> {
+pub(crate) struct SoundPlaces<'a> {
     shoulder: &'a Shoulder,
     is_sound: Vec<bool>,
 }
 
-impl<'a> Sound<'a> {
-    /// By all places that are not known to be cracked.
+impl<'a> SoundPlaces<'a> {
+    /// All places that are not known to be cracked.
     pub(crate) fn known(shoulder: &'a Shoulder) -> Self {
         Self { shoulder, is_sound: shoulder.sound() }
     }
@@ -63,57 +63,54 @@ struct Spread {
 impl Levels {
     /// What the shoulders of a reference teach.
     ///
-    /// A shoulder that is known to be cracked at more than half of its places does not tell the level of a sound one.
-    pub(crate) fn fit(setup: &Setup, shoulders: &[Sound<'_>]) -> Self {
-        let is_mostly_sound = |of: &&Sound<'_>| {
+    /// A shoulder that is known to be cracked at more than half of its places does not show the level of a sound one.
+    pub(crate) fn fit(setup: &Setup, shoulders: &[SoundPlaces<'_>]) -> Self {
+        let is_mostly_sound = |of: &&SoundPlaces<'_>| {
             let sound = of.shoulder.sound();
             2 * sound.iter().filter(|is| **is).count() >= sound.len()
         };
-        let shoulders: Vec<&Sound<'_>> = shoulders.iter().filter(is_mostly_sound).collect();
-        let mean = |condition: usize, which: Discriminator| {
+        let shoulders: Vec<&SoundPlaces<'_>> = shoulders.iter().filter(is_mostly_sound).collect();
+        let mean_of = |condition: usize, which: Discriminator| {
             let turns = shoulders.iter().flat_map(|of| of.shoulder.turns.iter().map(move |turn| (*of, turn)));
             let turns = turns.filter(|(_, turn)| turn.condition == condition);
-            let levels: Vec<f64> = turns.filter_map(|(of, turn)| level(of, turn, which)).collect();
-            levels.iter().sum::<f64>() / levels.len() as f64
+            mean(turns.filter_map(|(of, turn)| level(of, turn, which))).unwrap_or(f64::NAN)
         };
-        let means = (0..setup.offset_of.len()).map(|c| Discriminator::ALL.map(|which| mean(c, which))).collect();
+        let means = (0..setup.offset_of.len()).map(|c| Discriminator::ALL.map(|which| mean_of(c, which))).collect();
         let mut levels = Self { means, spread: None };
         levels.spread = Spread::fit(&levels, &shoulders);
         levels
     }
 
-    /// Mean over the turns of a shoulder of what `above` makes of their levels of `which` and of the reference's; `None` where
-    /// none has a level.
-    fn mean(&self, of: &Sound<'_>, which: Discriminator, above: impl Fn(f64, f64) -> f64) -> Option<f64> {
-        // Of a second reading a few places are known, and those that stand out are many of them.
+    /// Mean of `above` over the turns of a shoulder, given the level of `which` in a turn and the reference's; `None` where none has a
+    /// level.
+    fn mean(&self, of: &SoundPlaces<'_>, which: Discriminator, above: impl Fn(f64, f64) -> f64) -> Option<f64> {
+        // A second reading has few places, and many of them stand out.
         let whole = of.shoulder.turns.iter().filter(|turn| turn.controls.is_none());
-        let found = whole.filter_map(|turn| {
-            let mean = self.means[turn.condition][which as usize];
-            Some(above(level(of, turn, which)?, mean)).filter(|above| above.is_finite())
-        });
-        let (sum, count) = found.fold((0.0, 0_u32), |(sum, count), x| (sum + x, count + 1));
-        (count > 0).then(|| sum / f64::from(count))
+        mean(whole.filter_map(|turn| {
+            let reference = self.means[turn.condition][which as usize];
+            Some(above(level(of, turn, which)?, reference)).filter(|above| above.is_finite())
+        }))
     }
 
     /// How far the levels of a shoulder lie above the reference's, as [`Turn::log`] has them; `None` where one has no level.
-    fn above(&self, of: &Sound<'_>, discriminators: &[Discriminator]) -> Option<Vec<f64>> {
+    fn above(&self, of: &SoundPlaces<'_>, discriminators: &[Discriminator]) -> Option<Vec<f64>> {
         discriminators.iter().map(|&which| self.mean(of, which, |level, mean| level - mean)).collect()
     }
 
     /// The level of each discriminator of a shoulder as a multiple of the reference's; NaN where it is not known.
-    pub(crate) fn times(&self, of: &Sound<'_>) -> [f64; Discriminator::COUNT] {
+    pub(crate) fn times(&self, of: &SoundPlaces<'_>) -> [f64; Discriminator::COUNT] {
         Discriminator::ALL.map(|which| {
             let above = |level, mean| (value_of(which, level) / value_of(which, mean)).ln();
             self.mean(of, which, above).map_or(f64::NAN, f64::exp)
         })
     }
 
-    /// The probability that a sound shoulder's levels lie as far off the reference's as those of this one; where its casing has an
-    /// `other` shoulder and the reference knows how two differ, twice the smaller of this and of the same for their difference. `None`
-    /// where it has no levels, or too few casings tell.
-    pub(crate) fn probability(&self, of: &Sound<'_>, other: Option<&Sound<'_>>) -> Option<f64> {
+    /// The probability that the levels of a sound shoulder lie as far off the reference's as those of this one. Where its casing has an
+    /// `other` shoulder and the reference knows how two of a casing differ, their difference is tested too, and the result is twice the
+    /// smaller of both probabilities. `None` without levels, or with too few casings.
+    pub(crate) fn probability(&self, of: &SoundPlaces<'_>, other: Option<&SoundPlaces<'_>>) -> Option<f64> {
         let spread = self.spread.as_ref()?;
-        let above = |of: &Sound<'_>| self.above(of, &spread.discriminators);
+        let above = |of: &SoundPlaces<'_>| self.above(of, &spread.discriminators);
         let own = above(of)?;
         let difference = other.and_then(|other| Some(minus(&own, &above(other)?)));
         spread.probability(&own, difference.as_deref())
@@ -136,21 +133,23 @@ impl Spread {
         Some(if 2.0 * least < 1.0 { 2.0 * least } else { 1.0 })
     }
 
-    /// By `shoulders`, whose means `levels` has; `None` of fewer than five casings, or where their levels do not vary.
-    fn fit(levels: &Levels, shoulders: &[&Sound<'_>]) -> Option<Self> {
+    /// The spread of the levels of `shoulders`, whose means are in `levels`; `None` with fewer than five casings, or where their levels do
+    /// not vary.
+    fn fit(levels: &Levels, shoulders: &[&SoundPlaces<'_>]) -> Option<Self> {
         let has = |which: &Discriminator| {
             shoulders.iter().all(|of| of.shoulder.turns.iter().any(|turn| level(of, turn, *which).is_some()))
         };
         let discriminators: Vec<Discriminator> = FREE_OF_GAIN.into_iter().filter(has).collect();
         let width = discriminators.len();
-        let casings: Vec<&[&Sound<'_>]> = shoulders.chunk_by(|a, b| a.shoulder.casing == b.shoulder.casing).collect();
+        let casings: Vec<&[&SoundPlaces<'_>]> =
+            shoulders.chunk_by(|a, b| a.shoulder.casing == b.shoulder.casing).collect();
         if casings.len() < CASINGS_MIN || width == 0 {
             return None;
         }
-        let above = |of: &Sound<'_>| levels.above(of, &discriminators);
+        let above = |of: &SoundPlaces<'_>| levels.above(of, &discriminators);
         let of_shoulders: Option<Vec<Vec<f64>>> = shoulders.iter().map(|of| above(of)).collect();
         let of_shoulder = mean_square(&of_shoulders?, width)?;
-        let pairs = casings.iter().filter_map(|casing| <[&Sound<'_>; 2]>::try_from(*casing).ok());
+        let pairs = casings.iter().filter_map(|casing| <[&SoundPlaces<'_>; 2]>::try_from(*casing).ok());
         let differences: Option<Vec<Vec<f64>>> = pairs.map(|[a, b]| Some(minus(&above(a)?, &above(b)?))).collect();
         let of_difference = differences
             .filter(|differences| differences.len() >= CASINGS_MIN)
@@ -159,8 +158,8 @@ impl Spread {
     }
 }
 
-/// The median of `which` over the places of a turn that tell the level of its shoulder.
-fn level(of: &Sound<'_>, turn: &Turn, which: Discriminator) -> Option<f64> {
+/// The median of `which` over the sound places of a turn.
+fn level(of: &SoundPlaces<'_>, turn: &Turn, which: Discriminator) -> Option<f64> {
     let known = turn.log(which).iter().zip(&of.is_sound).filter(|(log, is_sound)| log.is_finite() && **is_sound);
     median(&mut known.map(|(log, _)| *log).collect::<Vec<f64>>())
 }

@@ -7,7 +7,7 @@ use faer::Mat;
 
 use crate::evidence::covariance::Covariance;
 use crate::evidence::{Columns, STRATIFIED, Vector, WIDTH};
-use crate::stats::quantile;
+use crate::stats::{mean, quantile};
 
 /// A variance at or below this is rounding: that of what counts is near 1.
 const VARIANCE_MIN: f64 = 1e-12;
@@ -98,8 +98,7 @@ impl Scatter {
         let scatter = Self::of(places.iter().copied());
         let times = |d: usize| {
             let below = places.iter().map(|place| place[d]).filter(|score| *score <= 0.0);
-            let (sum, count) = below.fold((0.0, 0_u32), |(sum, count), score| (sum + score * score, count + 1));
-            (sum / f64::from(count)).sqrt() / scatter.deviation(d)
+            mean(below.map(|score| score * score)).unwrap_or(f64::NAN).sqrt() / scatter.deviation(d)
         };
         scatter.scaled(&std::array::from_fn(times))
     }
@@ -198,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_scatters_as_it_is_told() {
+    fn noise_scatters_as_asked_for() {
         // Catches a factor of another matrix, and one that a discriminator that does not count has a part in.
         let root = Mat::from_fn(3, 3, |i, j| [[0.9, -0.3, 0.2], [0.1, 0.8, -0.5], [0.4, 0.2, 0.7]][i][j]);
         let matrix = root.transpose() * &root;

@@ -9,7 +9,7 @@ use crate::evidence::{ROUNDING, Vector, WIDTH, dot};
 impl Scatter {
     /// How many standard deviations `scores` stand out in the direction of damage; NaN of none.
     pub(crate) fn evidence(&self, scores: &Vector) -> f64 {
-        greater(self.there(scores).orthants(scores).map(|orthant| orthant.greatest()))
+        greater(self.restricted_to(scores).orthants(scores).map(|orthant| orthant.greatest()))
     }
 
     /// How far `scores` stand out if no two discriminators moved together: the length of those above 0, each by its own deviation; 0 of
@@ -30,8 +30,8 @@ impl Scatter {
         if dot(&b, &times(&self.precision, &b)) < limit {
             return None;
         }
-        let there = self.there(scores);
-        let orthants = there.orthants(scores);
+        let present = self.restricted_to(scores);
+        let orthants = present.orthants(scores);
         let of = |orthant: Orthant<'_>| {
             if orthant.is_bounded_by(limit) { f64::NEG_INFINITY } else { orthant.greatest() }
         };
@@ -40,13 +40,13 @@ impl Scatter {
 
     /// The weights that show most of `scores`; all 0 where nothing speaks for damage.
     pub(crate) fn weights(&self, scores: &Vector) -> Vector {
-        let there = self.there(scores);
-        let [by_weights, by_shifts] = there.orthants(scores);
+        let present = self.restricted_to(scores);
+        let [by_weights, by_shifts] = present.orthants(scores);
         let (weights, shifts) = (by_weights.descend(), by_shifts.descend());
         if dot(&weights, &by_weights.b) >= dot(&shifts, &by_shifts.b) {
             return weights;
         }
-        times(&there.precision, &shifts)
+        times(&present.precision, &shifts)
     }
 
     /// How many standard deviations `scores` stand out by `weights` that were chosen without them; NaN where they lack what
@@ -54,25 +54,25 @@ impl Scatter {
     ///
     /// The scores are about medians of controls, of which there are 1 over `of_controls`, in places.
     pub(crate) fn along(&self, weights: &Vector, scores: &Vector, of_controls: f64) -> f64 {
-        let there = self.there(scores);
+        let present = self.restricted_to(scores);
         // What the weights look for: S^-1 of this are the weights. Beside the greatest shift a small one is rounding.
         let mut shift = times(&self.covariance, weights);
         let least = ROUNDING * shift.iter().fold(0.0, |most, x: &f64| if x.abs() > most { x.abs() } else { most });
-        let counts: [bool; WIDTH] = std::array::from_fn(|d| shift[d].abs() > least && there.used.contains(&d));
+        let counts: [bool; WIDTH] = std::array::from_fn(|d| shift[d].abs() > least && present.used.contains(&d));
         shift.iter_mut().zip(counts).filter(|(_, counts)| !counts).for_each(|(shift, _)| *shift = 0.0);
-        let weights = times(&there.precision, &shift);
-        let sum: f64 = there.used().map(|d| weights[d] * scores[d]).sum();
+        let weights = times(&present.precision, &shift);
+        let sum: f64 = present.used().map(|d| weights[d] * scores[d]).sum();
         let variance = |(i, j): (usize, usize)| {
-            let (of_both, deviations) = (there.covariance[i][j], there.deviation(i) * there.deviation(j));
+            let (of_both, deviations) = (present.covariance[i][j], present.deviation(i) * present.deviation(j));
             // Medians of two normal scores with the correlation r have the covariance asin r, where means have r.
             let of_medians = deviations * (of_both / deviations).clamp(-1.0, 1.0).asin();
             weights[i] * weights[j] * (of_both + of_controls * of_medians)
         };
-        sum / pairs(&there.used).map(variance).sum::<f64>().sqrt()
+        sum / pairs(&present.used).map(variance).sum::<f64>().sqrt()
     }
 
-    /// The scatter of those that `scores` have.
-    pub(crate) fn there(&self, scores: &Vector) -> Cow<'_, Self> {
+    /// The scatter of the discriminators that `scores` have.
+    pub(crate) fn restricted_to(&self, scores: &Vector) -> Cow<'_, Self> {
         let is_there = |d: usize| scores[d].is_finite();
         if self.used().all(is_there) {
             return Cow::Borrowed(self);

@@ -34,10 +34,10 @@ fn judged(
 
 const ABSENT: Reasons = Reasons::FEATURES_ABSENT.union(Reasons::REFERENCE_LACKS_FEATURES);
 const PASS: (Verdict, Reasons) = (Verdict::Pass, Reasons::empty());
-const TOLD: (Verdict, Reasons) = (Verdict::ReInspect, Reasons::FEATURES_ABSENT);
+const REPORTED: (Verdict, Reasons) = (Verdict::ReInspect, Reasons::FEATURES_ABSENT);
 
 #[test]
-fn a_discriminator_that_most_taps_lack_is_told() {
+fn a_discriminator_that_most_taps_lack_is_reported() {
     // Catches a limit that is not at one half, counted in locations or among the taps that came alone, and closing taps that
     // count: of 800 taps 400 or 401 lack it.
     let lacks = |count: usize| {
@@ -51,13 +51,13 @@ fn a_discriminator_that_most_taps_lack_is_told() {
     };
     assert_eq!(lacks(0), [PASS]);
     assert_eq!(lacks(400), [PASS]);
-    assert_eq!(lacks(401), [TOLD]);
+    assert_eq!(lacks(401), [REPORTED]);
     // What the index does not ask for may lack.
     assert_eq!(judged(&Casing::default(), &Channel::BOTH, |_, _, values| values.set(Discriminator::A2, None)), [PASS]);
 }
 
 #[test]
-fn a_channel_that_dies_is_told_and_one_that_is_not_there_is_not() {
+fn a_channel_that_dies_is_reported_and_one_that_is_not_there_is_not() {
     // Catches a dead microphone, or a dead force sensor, that passes because the other is there; and a rig without a
     // microphone that never passes.
     let of = |channels: &[Channel], dead: Channel| {
@@ -67,14 +67,14 @@ fn a_channel_that_dies_is_told_and_one_that_is_not_there_is_not() {
             }
         })
     };
-    assert_eq!(of(&Channel::BOTH, Channel::Sound), [TOLD]);
-    assert_eq!(of(&Channel::BOTH, Channel::Force), [TOLD]);
+    assert_eq!(of(&Channel::BOTH, Channel::Sound), [REPORTED]);
+    assert_eq!(of(&Channel::BOTH, Channel::Force), [REPORTED]);
     assert_eq!(of(&[Channel::Force], Channel::Sound), [PASS]);
     assert_eq!(of(&[Channel::Sound], Channel::Force), [PASS]);
 }
 
 #[test]
-fn a_stuck_sensor_is_told() {
+fn a_stuck_sensor_is_reported() {
     // Catches one that says the same of every tap, and so of nothing; and values that are alike by chance, or in a few taps.
     let stuck = |is_stuck: fn(usize) -> bool| {
         judged(&Casing::default(), &Channel::BOTH, |number, _, values| {
@@ -83,10 +83,10 @@ fn a_stuck_sensor_is_told() {
             }
         })[0]
     };
-    assert_eq!(stuck(|_| true), TOLD);
+    assert_eq!(stuck(|_| true), REPORTED);
     assert!(stuck(|number| number < 400).1.is_empty());
-    let told = stuck(|number| number <= 400);
-    assert!(!told.1.is_empty() && told.0 != Verdict::Pass, "{told:?}");
+    let found = stuck(|number| number <= 400);
+    assert!(!found.1.is_empty() && found.0 != Verdict::Pass, "{found:?}");
 }
 
 #[test]
@@ -103,7 +103,7 @@ fn one_tap_of_a_discriminator_is_not_stuck() {
 }
 
 #[test]
-fn a_location_that_lacks_most_of_its_discriminators_is_told() {
+fn a_location_that_lacks_most_of_its_discriminators_is_reported() {
     // Catches a location of which almost nothing is known, and that passes: of 48 values 24 or 25 are absent.
     let lacks = |count: usize| {
         let asked = FuseConfig::default().discriminators;
@@ -120,17 +120,17 @@ fn a_location_that_lacks_most_of_its_discriminators_is_told() {
         })
     };
     assert_eq!(lacks(24), [PASS]);
-    assert_eq!(lacks(25), [TOLD]);
+    assert_eq!(lacks(25), [REPORTED]);
 }
 
 #[test]
-fn a_reference_that_lacks_features_is_told() {
+fn a_reference_that_lacks_features_is_reported() {
     // Catches a sound shoulder that passes by a reference half of which is dead, and people who are sent to its own sensors.
     let casing = Casing { shoulder_count: 2, ..Casing::default() };
-    let told = judged(&casing, &Channel::BOTH, |_, id, values| {
+    let found = judged(&casing, &Channel::BOTH, |_, id, values| {
         if id.shoulder == 2 {
             values.set(Discriminator::Pf, None);
         }
     });
-    assert_eq!(told, [(Verdict::ReInspect, Reasons::REFERENCE_LACKS_FEATURES), TOLD]);
+    assert_eq!(found, [(Verdict::ReInspect, Reasons::REFERENCE_LACKS_FEATURES), REPORTED]);
 }

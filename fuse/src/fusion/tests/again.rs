@@ -75,7 +75,7 @@ fn a_casing_by_itself_has_the_scores_of_its_index() {
     for index in [IndexKind::Fused, IndexKind::Dissertation] {
         let mut fusion = whole(&FuseConfig { index, ..FuseConfig::by(Reference::Own) }, &plan, &all);
         let compared = fusion.compared(0);
-        let found = compared.found.as_ref().unwrap();
+        let found = compared.by_reference.as_ref().unwrap();
         let anew = found.fitted.index.scores(&compared.shoulders.iter().collect::<Vec<_>>());
         assert_eq!(format!("{:?}", found.scores), format!("{anew:?}"), "{index:?}");
     }

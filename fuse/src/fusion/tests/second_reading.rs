@@ -77,7 +77,7 @@ fn a_crack_of_one_location_is_asked_about() {
 }
 
 #[test]
-fn what_cannot_pass_or_be_told_by_offset_is_not_tapped_again() {
+fn what_cannot_pass_or_has_no_offset_is_not_tapped_again() {
     // Catches a casing that was taken away and is waited for, and an index without offsets that is asked for one.
     let casing = scanned_once(vec![(1, 40..44)]);
     let plan = casing.plan();

@@ -69,7 +69,7 @@ impl Fused {
                 for &(s, t) in &group {
                     let turn = &casing[s].turns[t];
                     let found = self.signed(turn, d).enumerate().filter(|(_, y)| y.is_finite());
-                    for (place, y) in found.filter(|&(place, _)| turn.tells_level_at(place)) {
+                    for (place, y) in found.filter(|&(place, _)| turn.counts_for_level(place)) {
                         total += 1;
                         // Controls were chosen as sound, and stand alone: their neighbours say nothing of them.
                         if turn.controls.is_some() || kept.is_none_or(|kept| kept[s][place]) {

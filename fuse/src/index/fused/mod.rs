@@ -19,7 +19,7 @@ use crate::index::fused::offset_scale::OffsetScale;
 use crate::index::fused::taps::{TapMeans, Taps};
 use crate::index::{Index, Scores, Setup};
 use crate::shoulder::{Shoulder, Turn};
-use crate::stats::{Spread, mean_and_sd, median, quantile};
+use crate::stats::{self, Spread, mean_and_sd, median, quantile};
 
 /// Part of sound places that are left out of the level of their turns because they and their neighbours stand out most: those
 /// beyond two standard deviations of one score.
@@ -143,9 +143,7 @@ impl Fused {
         let mut near = vec![ABSENT; shoulder.place_count()];
         for d in 0..self.setup.discriminators.len() {
             let mean = |place: usize| {
-                let values = scores.iter().map(|of_offset| of_offset[place][d]).filter(|value| value.is_finite());
-                let (sum, count) = values.fold((0.0, 0_u32), |(sum, count), value| (sum + value, count + 1));
-                (count > 0).then(|| sum / f64::from(count))
+                stats::mean(scores.iter().map(|of_offset| of_offset[place][d]).filter(|value| value.is_finite()))
             };
             let of_places: Vec<Option<f64>> = (0..shoulder.place_count()).map(mean).collect();
             for (of_place, mean) in near.iter_mut().zip(shoulder.ring.mean_of_3(&of_places)) {

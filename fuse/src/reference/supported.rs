@@ -55,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_remark_tells_what_casings_support() {
+    fn a_remark_says_what_casings_support() {
         // Catches a rate that nobody vouches for, one that is supported and remarked, and digits that say nothing.
         assert_eq!(remark(12, "r", 0.08), None);
         let text = "r: 12 casings support 7.692 % without assumption; 0.1 % is extrapolated";
