@@ -133,8 +133,8 @@ pub struct FuseConfig {
     pub reference: Option<Reference>,
     /// Probability that a sound shoulder is not passed.
     pub re_inspect_rate: f64,
-    /// Probability that part of a sound shoulder is tapped again before it is judged, if the station can; nothing is if it
-    /// is not above `re_inspect_rate`.
+    /// Probability that part of a sound shoulder is tapped again before it is judged, if the station can. Unless it is above
+    /// `re_inspect_rate`, nothing is tapped again.
     pub confirm_rate: f64,
     /// Probability that a sound shoulder is rejected; at most `re_inspect_rate`.
     pub reject_rate: f64,

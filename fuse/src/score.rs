@@ -9,9 +9,9 @@ use crate::{Error, FuseConfig, Fusion};
 /// Areas under the ROC curve over all locations whose truth is known, all shoulders pooled.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Score {
-    /// Of the damage index as configured; `None` when one class is empty.
+    /// AUC of the damage index as configured; `None` when one class is empty.
     pub index: Option<f64>,
-    /// Of each discriminator alone, in the order of [`Discriminator::ALL`], configured for the index or not: mean score of a
+    /// AUC of each discriminator alone, in the order of [`Discriminator::ALL`], configured for the index or not: mean score of a
     /// location and its neighbours, signed by the configured direction. Below 0.5 the direction is wrong.
     pub discriminators: [Option<f64>; Discriminator::COUNT],
     /// Cracked locations that have an index.

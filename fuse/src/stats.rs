@@ -1,4 +1,4 @@
-//! Medians, quantiles, robust spreads, and the tails of the normal and Student's distribution.
+//! Medians, quantiles, robust spreads, the tails of distributions, and the area under the ROC curve.
 
 use statrs::distribution::{ChiSquared, ContinuousCDF as _, FisherSnedecor, Normal, StudentsT};
 
@@ -31,7 +31,7 @@ impl Spread {
         Self::checked(centre, SIGMA_PER_MAD * median(values)?)
     }
 
-    /// The spread about 0 of `values` as those below 0 tell it: damage lies above, and may be more than half of them.
+    /// The spread of `values` about 0, from those below 0 alone: damage lies above, and may be more than half of them.
     pub(crate) fn below_zero(values: &mut [f64]) -> Option<Self> {
         let mut below: Vec<f64> = values.iter().copied().filter(|&x| x <= 0.0).map(f64::abs).collect();
         if below.len() < VALUES_MIN / 2 {
@@ -45,14 +45,14 @@ impl Spread {
     }
 }
 
-/// Median of `values`, which are reordered; the mean of the middle two for an even count. `None` of no values.
+/// Median of `values`, which are reordered; the mean of the middle two for an even count. `None` without values.
 pub(crate) fn median(values: &mut [f64]) -> Option<f64> {
     let is_even = values.len().is_multiple_of(2);
     let (lower, upper) = in_order(values, values.len().checked_sub(1)? / 2)?;
     Some(if is_even { 0.5 * lower + 0.5 * upper } else { lower })
 }
 
-/// The quantile of `values`, which are reordered, at `fraction` (0 to 1), linear between order statistics. `None` of no values.
+/// The quantile of `values`, which are reordered, at `fraction` (0 to 1), linear between order statistics. `None` without values.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a place within the values")]
 pub(crate) fn quantile(values: &mut [f64], fraction: f64) -> Option<f64> {
     let place = fraction.clamp(0.0, 1.0) * values.len().checked_sub(1)? as f64;
@@ -60,7 +60,7 @@ pub(crate) fn quantile(values: &mut [f64], fraction: f64) -> Option<f64> {
     Some(below + (place - place.floor()) * (above - below))
 }
 
-/// Value number `number` of `values` in ascending order, and the next one; the last one is its own next. `None` of fewer values.
+/// Value number `number` of `values` in ascending order, and the next one; the last one is its own next. `None` if there are fewer.
 fn in_order(values: &mut [f64], number: usize) -> Option<(f64, f64)> {
     if number >= values.len() {
         return None;

@@ -17,29 +17,29 @@ const ESTIMATED_SPREAD: f64 = 1.3;
 /// noise. Found on casings of two simulators with 20 to 100 places a shoulder (`docs/rates.md`).
 const OWN_TAILS: f64 = 0.03;
 
-/// Most degrees of freedom of one: more places were not measured.
+/// Most degrees of freedom of a casing by itself: more places were not measured.
 const OWN_DOF_MAX: f64 = 20.0;
 
-/// Largest limit of one.
+/// Largest limit of a casing by itself.
 const OWN_MAX: f64 = 1e3;
 
 /// How the strongest arcs of sound shoulders are distributed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Limits {
-    /// By the strongest arcs of the reference's shoulders, each judged by the casings but its own.
+    /// From the strongest arcs of the reference's shoulders, each judged by the other casings.
     File {
-        /// Of those arcs.
+        /// Mean of those arcs.
         mean: f64,
         /// Their standard deviation, drawn towards that of white rings.
         sd: f64,
-        /// How many casings they are of: the shoulders of one are alike.
+        /// Number of casings that they come from: the shoulders of one casing are alike.
         count: f64,
     },
-    /// By white rings, whose scatter is known as well as from a few shoulders' own.
+    /// From rings of white noise, with a scatter that is as uncertain as that of the casing's own places.
     Own {
         /// How many discriminators each arc is the evidence of.
         width: f64,
-        /// As many independent arcs have the same median of their strongest as such a ring has.
+        /// Number of independent arcs whose strongest has the same median as the strongest arc of such a ring.
         count: f64,
         /// Degrees of freedom of the scatter.
         dof: f64,
@@ -125,7 +125,7 @@ mod tests {
 
     #[test]
     fn limits_from_few_shoulders_are_exceeded_as_often_as_is_stated() {
-        // Catches limits that forget how little a few shoulders tell: Gumbel distributed arcs, references of 16, and as many
+        // Catches limits that forget how little a few shoulders show: Gumbel distributed arcs, references of 16, and as many
         // shoulders beyond the limit as the rate says.
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut arc = || 3.0 - 0.5 * (-rng.random_range(1e-12..1.0_f64).ln()).ln();
@@ -157,7 +157,7 @@ mod tests {
 
     #[test]
     fn fewer_places_raise_the_limits_of_a_casing_by_itself() {
-        // Catches a casing of a handful of places that is rejected for what they do not tell: the limit follows the number of values.
+        // Catches a casing of a handful of places that is rejected for what they cannot show: the limit follows the number of values.
         let limit = |value_count| Limits::by(&[], 0, White { median: 3.6, sd: 0.4, width: 6, value_count }).at(1e-3);
         let limits: Vec<f64> = [1000, 100, 50, 20, 10].into_iter().map(limit).collect();
         assert!(limits.is_sorted(), "{limits:?}");

@@ -8,7 +8,7 @@ use crate::stats::{mean_and_sd, median};
 /// Longest arc, in locations.
 pub(crate) const ARC_MAX: usize = 20;
 
-/// Fewest places that tell how the sum of several offsets scatters.
+/// Fewest places from which the scatter of a sum over several offsets is estimated.
 const PLACES_MIN: usize = 8;
 
 /// The widening of the mean variance of few arcs of one casing, times their count: found on sound casings of two simulators
@@ -23,30 +23,30 @@ const OWN_WIDENING: f64 = 4.0;
 pub(crate) struct ArcStatistic {
     /// Numbers of the offsets, from the belt edge inwards.
     offsets: Vec<usize>,
-    /// By how many of the offsets are summed, from one.
+    /// By the number of offsets that are summed, from one.
     depths: Vec<Depth>,
 }
 
 /// The sum over the first offsets, of each discriminator.
 #[derive(Debug, Clone)]
 struct Depth {
-    /// Of the sum over all of them.
+    /// Mean of the sum over all of them on sound places.
     mean: Vector,
     /// Mean correlation of two of the offsets.
     correlation: Vector,
-    /// By length of the arc, from 1: how its sum over the root of its length scatters.
+    /// By length of the arc, from 1: the scatter of its sum over the root of its length.
     by_length: Vec<Scatter>,
 }
 
 impl Depth {
-    /// The scores of a place from their `sum` over the offsets. Where offsets are missing, the sum of the others scatters as that of so
+    /// The scores of a place from their `sum` over the offsets. Where offsets are missing, the sum of the others scatters as one over that
     /// many.
     fn scores(&self, sum: &Sum) -> Vector {
         let sums = sum.over_root();
         std::array::from_fn(|d| (sums[d] - self.mean[d]) / self.deviation(d, f64::from(sum.count(d))))
     }
 
-    /// How far the sum of discriminator number `d` over `count` offsets, over the root of their count, scatters.
+    /// Standard deviation of discriminator number `d`, summed over `count` offsets and divided by the root of `count`.
     fn deviation(&self, d: usize, count: f64) -> f64 {
         (1.0 + (count - 1.0) * self.correlation[d]).sqrt()
     }
@@ -96,7 +96,7 @@ impl ArcStatistic {
         statistic
     }
 
-    /// How the sums over the first `depth` offsets of sound places lie; how arcs scatter is not told yet.
+    /// Mean and correlation of the sums over the first `depth` offsets on sound places, without the scatter of arcs.
     fn depth(&self, depth: usize, reference: &[(&Ring, Scores)], is_own: bool) -> Depth {
         let (mut mean, mut correlation) = ([0.0; ABSENT.len()], [0.0; ABSENT.len()]);
         let mut sums = Vec::new();
@@ -122,7 +122,7 @@ impl ArcStatistic {
         Depth { mean, correlation, by_length: Vec::new() }
     }
 
-    /// The same of `offset` alone.
+    /// The statistic of `offset` alone.
     pub(crate) fn alone(&self, offset: usize) -> Self {
         Self { offsets: vec![offset], depths: self.depths.first().cloned().into_iter().collect() }
     }
@@ -139,12 +139,13 @@ impl ArcStatistic {
         if of.is_empty() { 0.0 } else { of.iter().sum::<f64>() / of.len() as f64 }
     }
 
-    /// How a place scatters: at one offset, over the first two of them, and so on.
+    /// The scatter of a place: at one offset, summed over the first two, and so on.
     pub(crate) fn of_places(&self) -> impl Iterator<Item = &Scatter> {
         self.depths.iter().map(|depth| &depth.by_length[0])
     }
 
-    /// What makes the sum of `count` of the first `depth` + 1 offsets to the scores of a place where all are about 0; 0 of no offset.
+    /// Factor from the sum over `count` of the first `depth` + 1 offsets to the scores of a place, where all have the mean 0; 0 for no
+    /// offset.
     pub(crate) fn scale(&self, depth: usize, count: usize) -> Vector {
         let count = count as f64;
         let scale = |d: usize| 1.0 / (count.sqrt() * self.depths[depth].deviation(d, count));
@@ -182,7 +183,7 @@ impl ArcStatistic {
         (0..ring.len()).fold(None, stronger)
     }
 
-    /// The same of those that begin at `start`, if one stands out more than `least`; much faster if few do.
+    /// As [`Self::strongest`], among the arcs that begin at `start`, if one stands out more than `least`; much faster if few do.
     pub(crate) fn strongest_from(&self, start: usize, least: f64, ring: &Ring, maps: &Maps) -> Option<Arc> {
         let mut strongest: Option<Arc> = None;
         for (number, (depth, map)) in self.depths.iter().zip(maps).enumerate() {
@@ -231,13 +232,14 @@ fn scatter_by_length(sums: &[Vec<Vector>], is_own: bool) -> Vec<Scatter> {
         let independent = sums.len() as f64 / (number as f64 + 1.0);
         let scatter = match is_own {
             true => widened(&place, &of_length(sums), independent),
-            // What those do not tell is that of a place.
+            // What so few do not determine is taken from a place.
             false => {
                 let width = place.used().count() as f64;
                 of_length(sums).mixed(&place, width / (width + independent))
             }
         };
-        // The level of a shoulder takes away what long arcs have in common; that says nothing of a shoulder that is cracked.
+        // The level takes away what the long arcs of a sound shoulder have in common, but not those of a cracked one: no arc counts as
+        // scattering less than a place.
         let at_least = |d: usize| {
             if scatter.deviation(d) < place.deviation(d) { place.deviation(d) / scatter.deviation(d) } else { 1.0 }
         };
@@ -246,10 +248,10 @@ fn scatter_by_length(sums: &[Vec<Vector>], is_own: bool) -> Vec<Scatter> {
     longer.collect()
 }
 
-/// The scatter of a `place`, as much wider as arcs of one casing are; so few of them tell no correlation.
+/// The scatter of a `place`, widened as far as the `arcs` of one casing scatter more; so few of them determine no correlation.
 ///
-/// Each discriminator is widened as its own arcs are, and no less than all of them are in the mean, which is known better; that is
-/// taken for more by [`OWN_WIDENING`] over the count of `independent` arcs.
+/// Each discriminator is widened by its own ratio of variances, and at least by the mean ratio of all, which is known better. The mean is
+/// raised by [`OWN_WIDENING`] over the count of `independent` arcs.
 fn widened(place: &Scatter, arcs: &Scatter, independent: f64) -> Scatter {
     let ratio = |d: usize| (arcs.deviation(d) / place.deviation(d)).powi(2);
     let width = place.used().count() as f64;
@@ -257,7 +259,7 @@ fn widened(place: &Scatter, arcs: &Scatter, independent: f64) -> Scatter {
     place.scaled(&std::array::from_fn(|d| if ratio(d) > mean { ratio(d) } else { mean }.sqrt()))
 }
 
-/// Mean and standard deviation; of the lower half alone where the upper may be damage.
+/// Mean and standard deviation; where the upper half may be damage (`is_own`), the median and the deviation of the lower half from it.
 fn spread(values: &[f64], is_own: bool) -> Option<(f64, f64)> {
     if !is_own {
         return mean_and_sd(values);

@@ -30,7 +30,7 @@ pub(crate) struct White {
 /// The strongest arc of rings of noise that have values where `pattern` has; their scatter was estimated from `value_count` values. A
 /// discriminator that only some of those places lack is drawn at all of them.
 ///
-/// The same for the same pattern: the noise is.
+/// The noise is always the same, so the result depends on the arguments alone.
 pub(crate) fn strongest_arcs(
     statistic: &ArcStatistic,
     ring: &Ring,
@@ -64,20 +64,20 @@ struct Noise {
     /// Weights of what the offsets have in common, and of what is each one's own: they are as correlated as those of the reference.
     common: f32,
     own: f32,
-    /// By how many offsets are summed.
+    /// By the number of offsets that are summed.
     depths: Vec<Depth>,
 }
 
-/// The last one of the offsets that are summed.
+/// A number of offsets that are summed, by the last of them.
 struct Depth {
     /// Whether it has a value, by place: 1 or 0.
     shown: Vec<f32>,
-    /// What makes the sums over the offsets to the scores of a place; 0 of a place without a value.
+    /// Factor from the sums over the offsets to the scores of a place; 0 for a place without a value.
     scale: Columns,
 }
 
 impl Noise {
-    /// Of a ring with values at the places that are `shown`, `[offset][place]`.
+    /// Noise for a ring with values at the places that are `shown`, `[offset][place]`.
     fn of(statistic: &ArcStatistic, shown: &[Vec<bool>]) -> Self {
         let common = if shown.len() > 1 { statistic.correlation().clamp(0.0, 1.0) } else { 0.0 };
         let scale_of = |depth: usize, place: usize| {
@@ -98,7 +98,7 @@ impl Noise {
         }
     }
 
-    /// The maps of a ring of noise, by how many offsets are summed, where the scores of a place at one offset scatter as `scatter` says.
+    /// The maps of a ring of noise, by the number of offsets that are summed; scores of a place at one offset scatter as `scatter` says.
     fn draw(&self, scatter: &Scatter, normals: &mut Normals) -> Vec<Columns> {
         let place_count = self.depths.first().map_or(0, |depth| depth.shown.len());
         let none = || std::array::from_fn(|_| vec![0.0; place_count]);
@@ -130,7 +130,7 @@ struct Arcs {
 }
 
 impl Arcs {
-    /// Of a ring with a value at the places that are `shown` at any of some offsets, `[offset][place]`.
+    /// The arcs of a ring with a value at the places that are `shown` at any offset, `[offset][place]`.
     fn of(ring: &Ring, shown: &[Vec<bool>]) -> Self {
         let place_count = ring.len();
         let mut inverse_counts = vec![0.0; ARC_MAX * place_count];

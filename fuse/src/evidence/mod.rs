@@ -34,7 +34,7 @@ pub(crate) type Columns = [Vec<f32>; WIDTH];
 /// Most discriminators.
 pub(crate) const WIDTH: usize = Discriminator::COUNT;
 
-/// 1 over the root of a count, NaN of 0: sums over few places are asked for by the million.
+/// 1 over the root of a count, NaN for 0; in a table, because sums over few places are needed by the million.
 static INVERSE_ROOTS: LazyLock<[f64; 64]> =
     LazyLock::new(|| std::array::from_fn(|count| if count > 0 { 1.0 / (count as f64).sqrt() } else { f64::NAN }));
 

@@ -13,8 +13,8 @@ use crate::stats::normal_quantile;
 /// any other length do not repeat with it.
 const COUNT: usize = 262_147;
 
-/// Of the first 16, the one by which the limits of a casing of 100 places by itself come nearest those of 4096 rings, with one offset and
-/// with four.
+/// Of the first 16 seeds, this one brings the limits of a casing of 100 places by itself nearest to those of 4096 rings, with one offset
+/// and with four.
 const SEED: u64 = 15;
 
 /// How many places limits are found from.

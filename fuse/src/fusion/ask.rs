@@ -27,10 +27,13 @@ struct Wanted {
 }
 
 impl Fusion {
-    /// The additional taps that the casing of scan number `scan` needs before its verdict, `room` at most: of arcs that sound
-    /// shoulders reach at [`confirm_rate`](crate::FuseConfig::confirm_rate), where a tap that stands out alone counts in full, at
-    /// the offset where the arc stands out most, and of places that nothing is known of, as often as the scan tapped there, and
-    /// controls. None of a shoulder that was tapped again already.
+    /// The additional taps that the casing of scan number `scan` needs before its verdict, `room` at most; none for a shoulder
+    /// that was tapped again already. They repeat the taps of the scan at
+    ///
+    /// - arcs that sound shoulders reach at [`confirm_rate`](crate::FuseConfig::confirm_rate), where a tap that stands out alone
+    ///   counts in full, at the offset where the arc stands out most;
+    /// - places of which nothing is known;
+    /// - controls.
     ///
     /// # Errors
     /// [`Error::NoSuchScan`].
@@ -97,7 +100,7 @@ impl Fusion {
             let places: Vec<usize> = ring.from(arc.start).take(arc.length).filter(|&p| is_known(offset, p)).collect();
             by_offset.entry(offset).or_default().suspects.extend(spread(&places, PLACES_MAX));
         }
-        // What was tapped and gave nothing; a shoulder of which much is so has another fault.
+        // Places that were tapped and gave nothing; a shoulder with many of them has another fault.
         let is_blind = |place: &usize| view.maps.iter().all(|map| !has_value(&map[*place]));
         let blind: Vec<usize> = (0..ring.len()).filter(is_blind).collect();
         if let Some(&edge) = view.fitted.statistic.offsets().first().filter(|_| 10 * blind.len() <= ring.len()) {

@@ -13,7 +13,7 @@ impl Fusion {
         let recorded = |which: &Discriminator| which.channels().iter().all(|channel| channels.contains(channel));
         let asked: Vec<Discriminator> = self.config.discriminators.iter().copied().filter(recorded).collect();
         let locations = &self.plan.scans()[scan].locations;
-        // Of each location how often each was given, and was due.
+        // By location: how often each discriminator was given, and how many taps were due.
         let mut planned = vec![(vec![0_usize; asked.len()], 0_usize); locations.len()];
         let mut values: Vec<Vec<f64>> = vec![Vec::new(); asked.len()];
         let mut tap_count = 0;

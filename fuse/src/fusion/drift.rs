@@ -11,7 +11,7 @@ use crate::stats::median;
 #[derive(Default)]
 struct Condition {
     all: Vec<Values>,
-    /// Of the first location.
+    /// The taps of the first location.
     first: Vec<Values>,
     closing: Vec<Values>,
 }

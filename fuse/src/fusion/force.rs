@@ -25,13 +25,13 @@ struct Impulse {
 }
 
 impl Impulse {
-    /// Of one place of `turn`; `None` where one of both is absent.
+    /// The impulse at one place of `turn`; `None` where F_max or tau is absent.
     fn at(turn: &Turn, place: usize) -> Option<Self> {
         let (force, tau) = (turn.log(Discriminator::FMax)[place], turn.log(Discriminator::Tau)[place]);
         Some(Self { impulse: force + tau, tau }).filter(|found| found.impulse.is_finite())
     }
 
-    /// The median of each of both.
+    /// The medians of F_max tau and of tau.
     fn median(of: impl Iterator<Item = Self>) -> Option<Self> {
         let (mut impulse, mut tau): (Vec<f64>, Vec<f64>) = of.map(|found| (found.impulse, found.tau)).unzip();
         Some(Self { impulse: median(&mut impulse)?, tau: median(&mut tau)? })

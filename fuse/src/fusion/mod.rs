@@ -54,7 +54,7 @@ struct Cache {
 
 /// Collects taps and judges shoulders.
 ///
-/// What it says depends on what it was given, not on the order in which that came (law 4).
+/// Its verdicts depend on the records that it was given, not on the order in which they came (law 4).
 #[derive(Debug, Clone)]
 pub struct Fusion {
     pub(crate) config: FuseConfig,
@@ -207,7 +207,7 @@ impl Fusion {
     /// Plan rows of the taps of scan number `scan` that enter its index if they come, with their names: all but the closing
     /// ones.
     ///
-    /// A name has the intended velocity: a tap that missed it is compared with its neighbours, and keeps its flag.
+    /// A name has the planned velocity: a tap that missed it is compared with its neighbours, and keeps its flag.
     fn entering(&self, scan: usize) -> impl Iterator<Item = (u32, TapId)> {
         let rows = self.plan.scans()[scan].taps.iter().copied();
         rows.filter(|&row| !self.plan.taps()[row as usize].is_closing())
@@ -221,8 +221,8 @@ fn closing_location(plan: &Plan, scan: usize) -> Option<u32> {
     taps.find(|tap| tap.is_closing()).map(|tap| tap.id.location)
 }
 
-/// Of two records of one tap the one with the higher rank holds. The attempt decides; the rest makes
-/// the choice the same in whichever order two different records of one attempt come.
+/// Of two records of one tap the one with the higher rank counts. The attempt decides; by the rest, two different records of one attempt
+/// give the same choice in either order.
 fn rank(seen: &Seen) -> (u16, bool, [Option<u64>; Discriminator::COUNT], u64, u32) {
     (
         seen.attempt,

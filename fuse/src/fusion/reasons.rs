@@ -22,7 +22,7 @@ impl Fusion {
                 reasons.insert(Reasons::TAPS_MISSING);
             }
         }
-        // Only its own: a reference may lack a tap, as its verdict says, but it has no blind spot here.
+        // Only its own taps: a reference that lacks one says so in its own verdict, and leaves no blind spot here.
         let seen = || self.plan.scans()[scan].taps.iter().filter_map(|&row| self.seen[row as usize].as_ref());
         if seen().any(|seen| seen.is_refused) {
             reasons.insert(Reasons::TAPS_REFUSED);

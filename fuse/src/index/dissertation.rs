@@ -7,7 +7,7 @@ use crate::index::{Index, Scores, Setup};
 use crate::shoulder::Shoulder;
 use crate::stats::{mean, mean_and_sd};
 
-/// Fewest sound places that tell how the index scatters.
+/// Fewest sound places from which the scatter of the index is estimated.
 const PLACES_MIN: usize = 8;
 
 /// What a reference taught: the extremes of Eq. 55, and how the index of its sound places scatters.
@@ -55,7 +55,7 @@ impl Extremes {
         averaged(&self.setup, shoulder).into_iter().map(of).collect()
     }
 
-    /// Eq. 55 of each discriminator.
+    /// y of each discriminator.
     fn scaled(&self, of: &Averaged) -> Vec<Option<f64>> {
         let extremes = &self.extremes[of.condition];
         let y = |(x, extremes): (&f64, &Option<(f64, f64)>)| {
@@ -72,7 +72,7 @@ struct Averaged {
     x: Vec<f64>,
 }
 
-/// By place, the conditions in their order.
+/// The averages of each place, `[place][condition]`.
 fn averaged(setup: &Setup, shoulder: &Shoulder) -> Vec<Vec<Averaged>> {
     let of = |place: usize| {
         let same_condition = shoulder.turns.chunk_by(|a, b| a.condition == b.condition);

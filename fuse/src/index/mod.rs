@@ -53,14 +53,14 @@ pub(crate) struct Scores {
     /// `[offset][place]`, greater the more likely there is damage: each of mean 0 and standard deviation 1 over sound places;
     /// NaN where no tap says anything. An index of one number has it in the first place.
     pub by_offset: Vec<Vec<Vector>>,
-    /// The same where no tap that stands out alone is cut: what it says is asked again rather than believed.
+    /// The same before a tap that stands out alone is cut: what it shows is tapped again rather than believed.
     pub uncut: Vec<Vec<Vector>>,
     /// Mean score of each discriminator by place, in the order of [`Setup::discriminators`]; NaN where it is absent.
     pub by_discriminator: Vec<Vec<f64>>,
-    /// Places that are not left out of the level of their turns, as ones that stand out are.
+    /// Places that enter the level of their turns: those that stand out do not.
     pub is_inlier: Vec<bool>,
     /// How far each discriminator scatters from place to place, as a multiple of how far it does in the reference, in the order of
-    /// [`Setup::discriminators`]; NaN where too few values tell. Empty of an index that does not look.
+    /// [`Setup::discriminators`]; NaN where there are too few values. Empty for an index that does not measure it.
     pub scatter: Vec<f64>,
 }
 

@@ -105,7 +105,7 @@ fn learned(pattern: &Pattern, shoulders: &[Shoulder], directions: Directions) ->
         let sound = labels.len() - cracked;
         let signed = auc(&scores, &labels)?;
         let rising = if directions.of(which) == Direction::Rises { signed } else { 1.0 - signed };
-        // Of scores that say nothing the AUC has the variance (m + n + 1)/(12 m n) (Mann and Whitney 1947).
+        // For scores that say nothing, the AUC has the variance (m + n + 1)/(12 m n) (Mann and Whitney 1947).
         let (m, n) = (cracked as f64, sound as f64);
         let error = ((m + n + 1.0) / (12.0 * m * n)).sqrt();
         let is_sure = cracked >= CLASS_MIN && sound >= CLASS_MIN && (rising - 0.5).abs() > SURE_AT * error;

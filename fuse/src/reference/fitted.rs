@@ -23,15 +23,15 @@ pub(crate) struct FittedReference {
     pub index: Box<dyn Index>,
     pub statistic: ArcStatistic,
     pub limits: Limits,
-    /// Of whole shoulders; `None` where shoulders are their own reference.
+    /// Levels of whole shoulders; `None` where shoulders are their own reference.
     pub levels: Option<Levels>,
     /// How many casings the limits rest on; none where shoulders are their own reference.
     pub casing_count: usize,
     /// Strongest arc of each of its shoulders, judged by the other casings, and the number of its casing.
     pub strongest: Vec<(usize, f64)>,
-    /// How far the places of its shoulders differ; `None` where shoulders are their own reference, or the index does not look.
+    /// How far the places of its shoulders differ; `None` where shoulders are their own reference, or the index does not measure it.
     pub scatter_limits: Option<ScatterLimits>,
-    /// What the index says of its own shoulders, where they are what is judged; none of others.
+    /// Scores of its own shoulders, where these are what is judged; else none.
     pub own_scores: Vec<Scores>,
     /// What noise alone makes of arcs.
     pub white: White,
@@ -61,7 +61,7 @@ impl FittedReference {
         let rings = shoulders.iter().map(|shoulder| &shoulder.ring).zip(&scores);
         let (ring, pattern) = rings.rev().max_by_key(|(_, scores)| shown(scores))?;
         let place_count: usize = scores.iter().map(Scores::places_shown).sum();
-        // Of a casing by itself what lies below the median tells the scatter: half of the places that do not stand out.
+        // A casing by itself has its scatter from values below the median: half of the places that do not stand out.
         let value_count = if setup.is_own { place_count / 2 } else { place_count };
         if value_count < VALUES_MIN {
             return None;
@@ -95,18 +95,18 @@ impl FittedReference {
 /// Limits above which a shoulder scatters more than those of a reference.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct ScatterLimits {
-    /// Of [`Scores::scatter`]: of each discriminator one sound shoulder in 160 has more.
+    /// Limits of [`Scores::scatter`], by discriminator: one sound shoulder in 160 exceeds each.
     of_discriminators: Vec<f64>,
-    /// Of [`Scores::mean_scatter`]: one in 40 has.
+    /// Limit of [`Scores::mean_scatter`]: one in 40 exceeds it.
     mean: f64,
-    /// Of the same: none has more.
+    /// Limit of the same that no sound shoulder exceeds.
     far: f64,
 }
 
 impl ScatterLimits {
-    /// By those of a reference's shoulders, with `place_count` places each; `None` of an index that does not look.
+    /// The limits from the scatter of a reference's shoulders, with `place_count` places each; `None` if the index does not measure it.
     fn by(shoulders: &[&Scores], place_count: usize) -> Option<Self> {
-        // By a few shoulders it may come out too small: so many places tell one turn's scatter no better.
+        // From a few shoulders it may come out too small: one turn of so many places gives its scatter no better.
         let sd_min = 0.8 / (place_count as f64).sqrt();
         let mean_and_sd = |of: &dyn Fn(&Scores) -> f64| {
             let values: Vec<f64> = shoulders.iter().map(|scores| of(scores)).filter(|x| x.is_finite()).collect();
@@ -143,7 +143,7 @@ struct Learned {
     statistic: ArcStatistic,
     /// As in [`FittedReference`].
     own_scores: Vec<Scores>,
-    /// By shoulder, of the places that teach.
+    /// By shoulder, the scores of the places that teach.
     sound_scores: Vec<Scores>,
 }
 

@@ -1,5 +1,5 @@
-//! What shoulders are compared with: `file` holds shoulders that are known (`known_shoulder`), `build` makes such a file of archives, `fitted` is what
-//! they teach for one plan.
+//! What shoulders are compared with: `file` holds shoulders that are known (`known_shoulder`), `build` makes such a file of archives,
+//! `fitted` is what they teach for one plan, and `supported` says which rates of false calls they support.
 
 pub(crate) mod build;
 pub(crate) mod file;

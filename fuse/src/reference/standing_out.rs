@@ -20,7 +20,7 @@ pub(super) fn standing_out(fitted: &FittedReference, shoulders: &[Shoulder]) -> 
     found
 }
 
-/// By their strongest arcs, each judged by the other casings: beyond the limit of those that stand out less.
+/// The casings whose strongest arc, judged by the other casings, is beyond the limit of those that stand out less.
 ///
 /// Several cracked casings widen each other's limits, so the comparison begins with the half that stands out least.
 fn by_arcs(fitted: &FittedReference) -> Vec<usize> {
@@ -35,7 +35,7 @@ fn by_arcs(fitted: &FittedReference) -> Vec<usize> {
     first.map_or_else(Vec::new, |first| casings[first..].iter().map(|casing| casing[0].0).collect())
 }
 
-/// By the levels of their shoulders, judged by the other casings: the one that is farthest off first, then the next without it.
+/// The casings whose levels, judged by the other casings, are off: the one that is farthest off first, then the next without it.
 fn by_levels(fitted: &FittedReference, shoulders: &[Shoulder]) -> Vec<usize> {
     let mut kept: Vec<&Shoulder> = shoulders.iter().collect();
     let mut found = Vec::new();

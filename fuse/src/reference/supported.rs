@@ -3,9 +3,9 @@
 use crate::verdict::whole_shoulder::CASINGS_MIN;
 use crate::{FuseConfig, Reference, ReferenceSet};
 
-/// The least rate of false calls that `casing_count` casings support without assuming a distribution; `None` of fewer than two.
+/// The least rate of false calls that `casing_count` casings support without assuming a distribution; `None` for fewer than two.
 ///
-/// Of n + 1 sound casings each is as likely as any other to have the strongest arc. The shoulders of a casing may be alike, so they
+/// Each of n + 1 sound casings is as likely as any other to have the strongest arc. The shoulders of a casing may be alike, so they
 /// do not count twice.
 pub(crate) fn supported_rate(casing_count: usize) -> Option<f64> {
     (casing_count > 1).then(|| 1.0 / (casing_count as f64 + 1.0))

@@ -159,7 +159,7 @@ fn another_casing_is_judged_by_a_reference() {
     let (verdict, _, regions) = judged(&set, &file(), &cracked, 7);
     assert_eq!(verdict, Verdict::Reject);
     assert!((40..46).all(|location| regions.contains(&location)) && regions.len() <= 9, "{regions:?}");
-    // All round, both shoulders: only the levels of the reference's casings can tell.
+    // All round, both shoulders: only the levels of the reference's casings show it.
     let all_round = Casing { cracks: vec![(1, 0..100), (2, 0..100)], shift: 8.0, ..sound };
     let (verdict, reasons, _) = judged(&set, &file(), &all_round, 7);
     assert!(verdict != Verdict::Pass && reasons.contains(Reasons::LEVEL_OFF), "{reasons}");
@@ -377,7 +377,7 @@ fn a_casing_that_is_noisier_than_the_reference_is_compared_with_itself() {
 #[test]
 fn damage_of_most_places_is_no_noise() {
     // Catches a scatter that damage raises: by its own casing half of both shoulders is no damage. And a reference whose cracks are known
-    // and that does not tell noise any more.
+    // and that does not recognise noise any more.
     let set = set_of(sound(8));
     let casing = Casing { shoulder_count: 2, repetition_count: 1, shift: 6.0, ..Casing::default() };
     for count in [30, 50, 75] {

@@ -91,7 +91,7 @@ impl Conditions {
     }
 }
 
-/// Those of `taps` whose offset and velocity none before has: all that [`Conditions::of`] looks at.
+/// One tap of `taps` for each offset and velocity among them: all that [`Conditions::of`] looks at.
 pub(crate) fn distinct(taps: impl Iterator<Item = TapId>) -> Vec<TapId> {
     let mut names: Vec<TapId> = Vec::new();
     let mut last = None;

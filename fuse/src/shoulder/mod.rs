@@ -30,7 +30,8 @@ pub(crate) struct Turn {
     pub(crate) values: Vec<Values>,
     /// Their logarithms, `[discriminator][place]`, NaN where absent.
     logs: Vec<Vec<f64>>,
-    /// Places that alone tell its level, by place: of a second reading its controls. All places where `None`.
+    /// For a second reading: by place, whether it is a control. Its level is found from these alone. `None` for a first reading, whose
+    /// level is found from all places.
     pub(crate) controls: Option<Vec<bool>>,
 }
 
@@ -42,7 +43,7 @@ impl Turn {
         Self { condition, values, logs, controls: None }
     }
 
-    /// A second reading, whose level its controls tell.
+    /// A second reading, whose level is found from its controls.
     pub(crate) fn second_reading(condition: usize, values: Vec<Values>, controls: Vec<bool>) -> Self {
         Self { controls: Some(controls), ..Self::new(condition, values) }
     }

@@ -69,7 +69,7 @@ pub(crate) struct Normalisation {
 }
 
 impl Normalisation {
-    /// With exponents fitted to `taps`; a quantity whose exponent they do not tell stays as it is.
+    /// With exponents fitted to `taps`; a quantity whose exponent they do not determine stays as it is.
     pub(crate) fn fitted(taps: &[Struck]) -> Self {
         let exponent = |which| {
             let points = taps.iter().filter_map(|&(group, v, ref values)| Some((group, v, values.get(which)?)));

@@ -17,7 +17,7 @@ pub(crate) const CASINGS_MIN: usize = 5;
 /// At least one place in this many must give the level.
 const PLACES_PART: usize = 5;
 
-/// A shoulder with the places that tell its level.
+/// A shoulder with its sound places, which give its level.
 #[derive(Debug)]
 pub(crate) struct SoundPlaces<'a> {
     shoulder: &'a Shoulder,
@@ -30,7 +30,7 @@ impl<'a> SoundPlaces<'a> {
         Self { shoulder, is_sound: shoulder.sound() }
     }
 
-    /// By those of them that do not stand out either, so that a crack does not shift the level; by all where few are left.
+    /// Those of them that do not stand out either, so that a crack does not shift the level; all of them where few would be left.
     pub(crate) fn found(shoulder: &'a Shoulder, is_inlier: &[bool]) -> Self {
         let known = Self::known(shoulder);
         let is_sound: Vec<bool> = known.is_sound.iter().zip(is_inlier).map(|(a, b)| *a && *b).collect();
@@ -44,7 +44,7 @@ impl<'a> SoundPlaces<'a> {
 pub(crate) struct Levels {
     /// Mean of each discriminator by condition; NaN where there is none.
     means: Vec<[f64; Discriminator::COUNT]>,
-    /// How they differ from shoulder to shoulder, where enough casings tell.
+    /// How they differ from shoulder to shoulder, where there are enough casings.
     spread: Option<Spread>,
 }
 
@@ -118,12 +118,12 @@ impl Levels {
 }
 
 impl Spread {
-    /// Of levels that lie `above` the reference's, and that differ so from the other shoulder of the casing.
+    /// [`Levels::probability`] of levels that lie `above` the reference's, with this `difference` from the other shoulder of the casing.
     fn probability(&self, above: &[f64], difference: Option<&[f64]>) -> Option<f64> {
         let (n, p) = (self.casing_count as f64, self.discriminators.len() as f64);
         // Hotelling's T^2 of a new observation, by a mean square about the mean. The shoulders of a casing are alike: casings count.
         let of_shoulder = f_tail(distance(&self.of_shoulder, above)? * (n - p) / (p * (n + 1.0)), p, n - p)?;
-        // Of a difference the mean is known: it is 0.
+        // The mean of a difference is known: it is 0.
         let of_pair = self.of_difference.as_ref().zip(difference).and_then(|((mean_square, count), difference)| {
             let n = *count as f64;
             f_tail(distance(mean_square, difference)? * (n - p + 1.0) / (n * p), p, n - p + 1.0)

@@ -30,15 +30,15 @@ pub(crate) struct Scatter {
     whitening: Square,
     /// The inverse of the covariance of those that vary, 0 elsewhere.
     precision: Square,
-    /// 1 over the diagonals of the two, 0 elsewhere.
+    /// 1 over the diagonals of covariance and precision, 0 elsewhere.
     covariance_steps: Vector,
     precision_steps: Vector,
-    /// Those that vary.
+    /// The discriminators that vary.
     used: Vec<usize>,
 }
 
 impl Scatter {
-    /// Of the covariance `matrix`; what has no variance in it does not count.
+    /// The scatter with the covariance `matrix`; a discriminator without variance does not count.
     pub(crate) fn new(matrix: &Mat<f64>) -> Self {
         let used: Vec<usize> = (0..matrix.ncols()).filter(|&d| matrix[(d, d)] > VARIANCE_MIN).collect();
         let mut scatter = Self { used, ..Self::default() };
@@ -73,8 +73,9 @@ impl Scatter {
         }
     }
 
-    /// Of the scores of sound places, shrunk as far as they are few (Ledoit and Wolf), and by [`UNRELATED`]. What most places lack does
-    /// not count; places that lack any of the rest teach nothing.
+    /// The scatter of the scores of sound places: the covariance of Ledoit and Wolf, who shrink it the more the fewer places there are,
+    /// with correlations reduced by [`UNRELATED`]. A discriminator that most places lack does not count; a place that lacks any other is
+    /// left out.
     pub(crate) fn of(places: impl Iterator<Item = Vector>) -> Self {
         let places: Vec<Vector> = places.collect();
         let has_most = |d: &usize| 2 * places.iter().filter(|place| place[*d].is_finite()).count() > places.len();
@@ -91,8 +92,8 @@ impl Scatter {
         Self::new(&matrix)
     }
 
-    /// Of the scores of places any of which may be cracked: those below 0 tell how far each discriminator scatters, as damage
-    /// lies above.
+    /// The scatter of the scores of places any of which may be cracked: those below 0 give the deviation of each discriminator, because
+    /// damage lies above.
     pub(crate) fn of_own(places: impl Iterator<Item = Vector>) -> Self {
         let places: Vec<Vector> = places.collect();
         let scatter = Self::of(places.iter().copied());
@@ -103,12 +104,12 @@ impl Scatter {
         scatter.scaled(&std::array::from_fn(times))
     }
 
-    /// The same where each discriminator scatters `times` as far.
+    /// This scatter, with each discriminator scattering `times` as far.
     pub(crate) fn scaled(&self, times: &Vector) -> Self {
         self.with(|i, j| times[i] * times[j] * self.covariance[i][j])
     }
 
-    /// The same drawn towards `other` by the part `fraction`.
+    /// This scatter, drawn towards `other` by the part `fraction`.
     pub(crate) fn mixed(&self, other: &Self, fraction: f64) -> Self {
         self.with(|i, j| (1.0 - fraction) * self.covariance[i][j] + fraction * other.covariance[i][j])
     }
@@ -137,8 +138,8 @@ impl Scatter {
         self.product(&self.whitening, |k| &scores[self.used[k]])
     }
 
-    /// The scores that scatter so, of independent values of variance 1: one of `white` for each discriminator that varies, so that another
-    /// one changes nothing.
+    /// Scores with this scatter from independent values of variance 1: one column of `white` for each discriminator that varies, so that
+    /// one that does not vary changes nothing.
     pub(crate) fn coloured(&self, white: &Columns) -> Columns {
         self.product(&self.factor, |k| &white[k])
     }

@@ -48,7 +48,7 @@ fn a_crack_is_tapped_again_beside_controls() {
 #[test]
 fn a_crack_of_one_location_is_asked_about() {
     // Catches a tap over a short crack that is cut as a rogue one before it is asked about: what is left of it does not reach the
-    // limit. Also a rogue tap that rejects, in turns of all places and in turns of half of them, which tell no scatter at others.
+    // limit. Also a rogue tap that rejects, in turns of all places and in turns of half of them, which show no scatter at others.
     let at_the_edge = |tap: &PlannedTap| tap.id.offset_mm() == Some(0.0);
     let by_turns = |tap: &PlannedTap| tap.id.location.is_multiple_of(2) == (tap.id.offset_mm() == Some(0.0));
     let made: [&dyn Fn(&PlannedTap) -> bool; 2] = [&at_the_edge, &by_turns];

@@ -7,7 +7,7 @@ use crate::stats::{median, quantile};
 /// The quantile of a turn that its level is first guessed from: three quarters of a shoulder may be cracked.
 pub(super) const START_FRACTION: f64 = 0.25;
 
-/// The standard normal distribution: the magnitude of its lower quartile, and a quantile far enough below to tell the scatter.
+/// The standard normal distribution: the magnitude of its lower quartile, and a quantile far enough below it to show the scatter.
 pub(super) const QUARTILE_Z: f64 = 0.674_49;
 const FAR_FRACTION: f64 = 0.066_807;
 const FAR_Z: f64 = 1.5;
@@ -35,7 +35,7 @@ impl Level {
     }
 }
 
-/// Fewest sound places at either end of a turn that tell its drift.
+/// Fewest sound places at either end of a turn from which its drift is found.
 pub(super) const DRIFT_PLACES_MIN: usize = 8;
 
 impl Fused {
@@ -78,7 +78,7 @@ impl Fused {
                     }
                 }
                 let condition = casing[group[0].0].turns[group[0].1].condition;
-                // A level of a few places that are left is none.
+                // Too few places that are left give no level.
                 let found = if 5 * values.len() >= total { level(condition, d, &mut values) } else { None };
                 for &(s, t) in &group {
                     let drift = kept.map_or(0.0, |kept| self.drift(&casing[s].turns[t], d, &kept[s]));
@@ -111,8 +111,8 @@ impl Fused {
         self.levels_by(casing, Some(kept), before, |_, _, values| median(values))
     }
 
-    /// Levels of shoulders of which nothing is known: the scatter below the lower quartile tells how far above it the median
-    /// of the sound places lies.
+    /// Levels of shoulders of which nothing is known: from the scatter below the lower quartile follows how far above it the
+    /// median of the sound places lies.
     pub(super) fn first_levels(&self, casing: &[&Shoulder]) -> Vec<Levels> {
         self.levels_by(casing, None, None, |_, _, values| {
             let (quartile, far) = (quantile(values, START_FRACTION)?, quantile(values, FAR_FRACTION)?);

@@ -34,17 +34,17 @@ pub(crate) struct Fused {
     setup: Setup,
     /// `[condition][discriminator]`; `None` where the reference has too few values, or they do not vary.
     scales: Vec<Vec<Option<Scale>>>,
-    /// Of the scores of one tap.
+    /// Scatter of the scores of one tap.
     tap_scatter: Scatter,
     /// `[offset][discriminator]`.
     offsets: Vec<Vec<Option<OffsetScale>>>,
-    /// Of the mean of a place and its neighbours, all offsets together.
+    /// Scatter of the mean of a place and its neighbours, all offsets together.
     near_scatter: Scatter,
     /// The evidence of such a mean that [`OUTLIER_FRACTION`] of sound places exceed.
     near_limit: f64,
 }
 
-/// Of one discriminator in one condition, in logarithms.
+/// The scale of one discriminator in one condition, in logarithms.
 #[derive(Debug, Clone, Copy)]
 struct Scale {
     /// Robust standard deviation of a tap about its turn's level.
@@ -93,7 +93,7 @@ impl Fused {
             false => fused.medians(shoulders, &kept, None),
         };
         let mut means = Vec::new();
-        // What is its own reference finds out which of its places are sound.
+        // A casing that is its own reference has to find out which of its places are sound.
         for round in 0..=if setup.is_own { ROUNDS } else { 0 } {
             if round > 0 {
                 kept = fused.inliers(shoulders, &means);
@@ -281,7 +281,7 @@ impl Fused {
     }
 }
 
-/// Mean and standard deviation; 0, and as what lies below it tells, where what lies above may be damage.
+/// Mean and standard deviation; where values above 0 may be damage (`is_own`), 0 and the deviation of those below.
 fn centre_and_sd(mut values: Vec<f64>, is_own: bool) -> Option<(f64, f64)> {
     if !is_own {
         return mean_and_sd(&values);

@@ -15,8 +15,8 @@ pub(super) struct OffsetScale {
 }
 
 impl OffsetScale {
-    /// Of the means of sound places, each of so many taps, and the variance of a tap about the mean of its place; `None` of that where no
-    /// place has two taps.
+    /// The scale from the means of sound places, each with its number of taps, and the variance of a tap about the mean of its place, which
+    /// is `None` where no place has two taps.
     pub(super) fn of(
         places: impl Iterator<Item = (f64, u32)>,
         tap_variance: Option<f64>,
