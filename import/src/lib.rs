@@ -53,7 +53,7 @@ pub struct Imported {
 /// # Errors
 /// [`Error`] if the configuration or a table is wrong, if no tap can be read, or if the set cannot be written; nothing is left
 /// behind then. A recording that cannot be read is no error: its taps are refused in the set, or, where only the file itself could
-/// tell them, the file is [`Imported::unread`].
+/// name them, the file is [`Imported::unread`].
 pub fn import(
     files: &[PathBuf],
     config: &Path,
@@ -162,8 +162,7 @@ fn differs(one: f64, other: f64) -> bool {
 
 /// The rate of the samples, which must be the same everywhere.
 fn rate_of(all: &[(Channel, Series)], config: &Config, alike: &mut Alike) -> Result<f64, Fault> {
-    let told = all.iter().filter_map(|(_, series)| series.sample_rate_hz);
-    for rate_hz in told {
+    for rate_hz in all.iter().filter_map(|(_, series)| series.sample_rate_hz) {
         let known = [(config.sample_rate_hz, "the configuration"), (alike.sample_rate_hz, "what was read before")];
         if let Some((Some(known_hz), of)) =
             known.into_iter().find(|(known, _)| known.is_some_and(|known| differs(rate_hz, known)))
@@ -184,8 +183,8 @@ fn rate_of(all: &[(Channel, Series)], config: &Config, alike: &mut Alike) -> Res
 }
 
 fn check_pre_trigger(series: &[Series], config: &Config, alike: &mut Alike) -> Result<(), Fault> {
-    let told = series.iter().find_map(|series| series.pre_trigger_samples);
-    let Some(before) = config.pre_trigger_samples.or(told) else {
+    let stated = series.iter().find_map(|series| series.pre_trigger_samples);
+    let Some(before) = config.pre_trigger_samples.or(stated) else {
         return broken(format!(
             "does not say which sample is the trigger: set pre_trigger_samples in {}, or [cut] to find it",
             config.path.display()

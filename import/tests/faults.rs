@@ -60,7 +60,7 @@ impl Case {
 
 /// Catches a fault of the configuration that is let through, or reported without its key, value and bound.
 #[test]
-fn faults_of_the_configuration_are_told() {
+fn faults_of_the_configuration_are_reported() {
     for (from, to, parts) in [
         ("channels", "chanels", &["import.toml line 2: `chanels = ", ": unknown field `chanels`"][..]),
         ("force = 1, sound = 2", "", &["import.toml: channels is empty; it must name force, sound or both"]),
@@ -131,7 +131,7 @@ fn faults_of_the_configuration_are_told() {
 
 /// Catches a table whose faults have no line, a recording that no row names, and a row without a recording.
 #[test]
-fn faults_of_a_table_are_told() {
+fn faults_of_a_table_are_reported() {
     let config = "table = \"taps.csv\"\nchannels = { force = 1, sound = 2 }\npre_trigger_samples = 4\ntap = { tyre = \"A\", shoulder = 1 }\n";
     for (table, parts) in [
         ("file,location\na.wav,0\nb.wav,x\n", &["taps.csv line 3: location is \"x\"; it must be a whole number"][..]),
@@ -306,7 +306,7 @@ fn with_id_line(uff: Vec<u8>) -> Vec<u8> {
     String::from_utf8(uff).unwrap().replacen("NONE", "Hammer 7", 1).into_bytes()
 }
 
-/// `[tap]` of the files that tell nothing of their taps, and the force by a name.
+/// `[tap]` of the files that name no taps, and the force by a name.
 const ONE: &str = "channels = { force = \"force\" }\nsample_rate_hz = 1000\npre_trigger_samples = 1\ntap = { tyre = \"A\", shoulder = 1, location = 0, offset_mm = 0.0, velocity_m_per_s = 1.85 }\n";
 
 fn doubles(values: &[f64]) -> Vec<u8> {
@@ -366,7 +366,7 @@ fn a_channel_is_found_whatever_the_case_of_its_name() {
 }
 
 #[test]
-fn a_unit_that_is_no_text_is_told() {
+fn a_unit_that_is_no_text_is_reported() {
     // Catches newtons that are lost without a word because the variable with their unit is a number, and an error of it that
     // names neither the file nor the variable, nor what it must be.
     let samples = || ("force", 6, 9, doubles(&[1.0, 2.0, 3.0, 4.0]));
@@ -428,7 +428,7 @@ fn matlab_7_3_names_units_as_earlier_versions_do() {
     }
 }
 
-/// Catches one damaged file that stops the import of all others because its parts would tell its taps.
+/// Catches one damaged file that stops the import of all others because its parts would name its taps.
 #[test]
 fn a_file_whose_parts_cannot_be_read_is_left_out() {
     let case = Case::new(GROUPS, &[]);

@@ -139,7 +139,7 @@ fn continuous_records_are_cut() {
             assert_eq!(&samples[200..], &sound[from..from + 200], "{name}");
         }
     }
-    // One tap more than there are: nothing is imported, as none can be told.
+    // One tap more than there are: nothing is imported, as none can be identified.
     let case = folder.path().join("record_plan");
     let text = fs::read_to_string(case.join("import.toml")).unwrap().replace("locations = 3", "locations = 4");
     fs::write(case.join("import.toml"), text).unwrap();

@@ -125,7 +125,7 @@ fn what_is_damaged_is_not_opened() {
 
 /// Catches an archive that is not finished and is taken for one that is, or is continued after it was finished.
 #[test]
-fn what_is_finished_is_told_from_what_is_not() {
+fn what_is_finished_is_distinguished_from_what_is_not() {
     let (_here, path) = new_path();
     unfinished(&path, Codec::Lz4);
     assert!(matches!(Reader::open(&path), Err(Error::NotFinished { .. })));

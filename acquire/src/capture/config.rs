@@ -10,7 +10,7 @@ use crate::config::calibration::CalibrationFile;
 use crate::config::{refuse, within};
 use crate::{Error, ScanConfig};
 
-/// What a data acquisition module is told, besides.
+/// Further settings of a data acquisition module.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct UldaqConfig {

@@ -41,7 +41,7 @@ fn a_pulse_that_a_gap_cuts_is_no_tap() {
 }
 
 #[test]
-fn a_tap_that_begins_in_a_gap_is_told_as_lost() {
+fn a_tap_that_begins_in_a_gap_is_reported_as_lost() {
     // Catches a record whose first samples were never heard: they are those of another time.
     let cable = Cable::new(&config(16));
     let tap = 2000 + PRE - 10;

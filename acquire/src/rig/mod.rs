@@ -247,7 +247,7 @@ impl RigCasing {
         Refusal { file: format!("rig at {}", self.link.dialogue().config().address), line: 0, reason }
     }
 
-    /// Whether the tap that the rig reports was heard: once, and since the rig was told to hit.
+    /// Whether the tap that the rig reports was heard: once, and since the rig got the command to hit.
     fn heard(&mut self, tap: Tap) -> Readiness {
         let Some(ear) = &self.ear else { return Readiness::Ready };
         let Some(hit) = self.link.dialogue().hit(self.id, tap) else { return Readiness::NotYet };

@@ -39,7 +39,7 @@ pub trait Source: Send + fmt::Debug {
         let _recorded = plan;
     }
 
-    /// Whether the tap in plan row `row` can be rendered now; this call tells a rig to move and hit.
+    /// Whether the tap in plan row `row` can be rendered now; this call commands a rig to move and hit.
     ///
     /// Never blocks. A source whose taps exist already is always ready.
     fn poll(&mut self, row: u32, attempt: u16) -> Readiness {

@@ -103,7 +103,7 @@ pub(crate) fn parse(file: &Path, text: &str) -> Result<ScanToml, Error> {
         return Err(refuse("geometry", at, value, "\"ring\" or \"line\""));
     };
     let channels = written.channels.get_ref();
-    // No discriminator could tell two channels of one kind apart.
+    // No discriminator could choose between two channels of one kind.
     if channels.is_empty() || (1..channels.len()).any(|at| channels[..at].contains(&channels[at])) {
         let names: Vec<&str> = channels.iter().map(|channel| channel.name()).collect();
         let bound = "a list of \"force\" and \"sound\", or of one of them, in the order of the WAV channels";

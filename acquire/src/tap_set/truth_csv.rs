@@ -58,7 +58,7 @@ mod tests {
 
     /// Catches a contradiction that is accepted.
     #[test]
-    fn faults_are_told() {
+    fn faults_are_reported() {
         let error = parsed("T,1,0,0\nT,1,0,1\n").unwrap_err().to_string();
         assert_eq!(error, "truth.csv line 3: names tyre T shoulder 1 location 0 again; line 2 has it already");
         let error = parsed("T,1,0,maybe\n").unwrap_err().to_string();

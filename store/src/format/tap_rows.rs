@@ -1,4 +1,4 @@
-//! The rows of a tap: from the records of the stream and back, and the fingerprints that tell two attempts apart.
+//! The rows of a tap: from the records of the stream and back, and the fingerprints by which two attempts differ.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 

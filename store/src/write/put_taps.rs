@@ -117,7 +117,7 @@ impl Writer {
     ///
     /// The samples of a tap are the `[channel][sample]` bytes that its header describes, in the machine's byte order; bytes
     /// behind them are ignored. A record that is shorter than the plan allows is padded with zeros. Samples are not compared
-    /// with archived ones: headers tell two attempts apart.
+    /// with archived ones: the headers of two attempts differ.
     ///
     /// # Errors
     /// [`Error::NoSuchRow`], [`Error::OtherTap`], [`Error::RecordShape`], or what the system returns: the file is then abandoned,

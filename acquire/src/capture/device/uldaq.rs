@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn a_module_that_is_not_connected_is_told() {
+    fn a_module_that_is_not_connected_is_reported() {
         // Catches a start without the module that was asked for, and a library that ends the program where there is no USB.
         let Err(error) = DaqModule::open("no such module", &CaptureConfig::default()) else { panic!("it was opened") };
         assert!(error.starts_with("no module no such module is connected; found: "), "{error}");
@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lap_of_the_driver_is_told_as_lost() {
+    fn a_lap_of_the_driver_is_reported_as_lost() {
         // Catches samples of another lap: those that were written over before they were read, and while they were.
         let mut circle = Circle::new(8, 3, 10.0);
         let reads = [(3, 3), (12, 12), (15, 15), (16, 16), (20, 20), (24, 25), (27, 27)];

@@ -140,7 +140,7 @@ pub(crate) struct Hit {
     pub velocity_m_per_s: f64,
     /// When the rig reported it, ns since the Unix epoch.
     pub time_ns: i64,
-    /// When the rig was told to hit, and when it reported the hit.
+    /// When the rig got the command to hit, and when it reported the hit.
     pub sent: Instant,
     pub at: Instant,
 }
@@ -192,7 +192,7 @@ impl Dialogue {
         self.forget_rig();
     }
 
-    /// Forgets what the rig said and was told: it starts again.
+    /// Forgets what the rig said and the commands that it got: it starts again.
     pub(super) fn forget_rig(&mut self) {
         self.rig_name = None;
         self.end_stop();
@@ -230,10 +230,10 @@ impl Dialogue {
         let before = self.unanswered.take().filter(|(of, _)| *of == text).map_or(0, |(_, count)| count);
         let count = before.saturating_add(1);
         if count == UNANSWERED_MAX {
-            let told =
+            let message =
                 format!("the rig does not {what}: it was sent {text:?} {count} times in a row and has not answered");
-            tracing::error!("station {}: {told}", self.config.station);
-            self.alarm(told);
+            tracing::error!("station {}: {message}", self.config.station);
+            self.alarm(message);
         }
         self.unanswered = Some((text, count));
     }

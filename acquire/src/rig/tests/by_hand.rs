@@ -212,7 +212,7 @@ fn a_hit_that_is_not_answered_is_an_alarm() {
 }
 
 #[test]
-fn a_rig_that_never_does_what_it_is_told_is_an_alarm() {
+fn a_rig_that_never_obeys_is_an_alarm() {
     // Catches a rig that connects anew and homes, and does not move, or does not home: for ever, and nobody is told; an alarm
     // for each time, and one of a rig that answers in between.
     let (listener, mut bench) = by_hand(30.0);

@@ -71,7 +71,7 @@ fn a_pulse_from_before_the_command_is_not_its_tap() {
 }
 
 #[test]
-fn a_second_strike_within_the_hold_off_is_told() {
+fn a_second_strike_within_the_hold_off_is_reported() {
     // Catches a rig that hits twice, the second time behind the record, and whose tap is taken as if it had hit once; and a
     // rebound within the record, or a click behind it, that is taken for a second strike.
     let config = CaptureConfig { trigger: TriggerConfig { hold_off_s: 0.03, ..config(16).trigger }, ..config(16) };
@@ -119,7 +119,7 @@ fn no_hit_is_asked_for_while_the_device_is_not_heard() {
 }
 
 #[test]
-fn a_hit_below_the_trigger_level_is_told_with_its_height() {
+fn a_hit_below_the_trigger_level_is_reported_with_its_height() {
     // Catches a height of what came after the strike, with which people are sent to the cable and not to the trigger level: the rig
     // reports late, and the pulse is older than its report.
     let config = CaptureConfig { trigger: TriggerConfig { level: 0.5, ..config(16).trigger }, ..config(16) };
