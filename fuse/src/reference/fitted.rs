@@ -16,6 +16,10 @@ use crate::verdict::whole_shoulder::{Levels, SoundPlaces};
 /// (`docs/rates.md`).
 const VALUES_MIN: usize = 8;
 
+/// Most groups into which the casings of a reference are dealt; those of a group are judged by the others together. With no more casings
+/// than this, each is judged by all others. One group for each casing of a large reference would take time by the square of their number.
+const GROUPS_MAX: usize = 24;
+
 /// A reference as it judges shoulders of one plan.
 #[derive(Debug)]
 pub(crate) struct FittedReference {
@@ -27,7 +31,7 @@ pub(crate) struct FittedReference {
     pub levels: Option<Levels>,
     /// How many casings the limits rest on; none where shoulders are their own reference.
     pub casing_count: usize,
-    /// Strongest arc of each of its shoulders, judged by the other casings, and the number of its casing.
+    /// Strongest arc of each of its shoulders, judged by other casings, and the number of its casing.
     pub strongest: Vec<(usize, f64)>,
     /// How far the places of its shoulders differ; `None` where shoulders are their own reference, or the index does not measure it.
     pub scatter_limits: Option<ScatterLimits>,
@@ -45,10 +49,7 @@ impl FittedReference {
         let Learned { index, statistic, own_scores, sound_scores: scores } = learn(&setup, offsets, &all)?;
         let casings: Vec<&[Shoulder]> = shoulders.chunk_by(|a, b| a.casing == b.casing).collect();
         let casing_count = if setup.is_own { 0 } else { casings.len() };
-        let left_out: Vec<LeftOut> = match casing_count {
-            0 | 1 => Vec::new(),
-            _ => (casings.par_iter()).flat_map_iter(|casing| left_out(&setup, offsets, shoulders, casing)).collect(),
-        };
+        let left_out: Vec<LeftOut> = if casing_count < 2 { Vec::new() } else { left_out(&setup, offsets, &casings) };
         let strongest: Vec<(usize, f64)> = left_out.iter().map(|of| (of.casing, of.strongest)).collect();
         let place_count = shoulders.first()?.place_count();
         let scatter_limits = match casing_count {
@@ -171,7 +172,7 @@ fn learn(setup: &Setup, offsets: &[usize], shoulders: &[&Shoulder]) -> Option<Le
     Some(Learned { index, statistic, own_scores, sound_scores: scores })
 }
 
-/// A shoulder judged by the other casings of a reference.
+/// A shoulder judged by other casings of its reference.
 struct LeftOut {
     /// Number of its casing.
     casing: usize,
@@ -180,10 +181,34 @@ struct LeftOut {
     scores: Scores,
 }
 
-/// What all casings but itself say of the shoulders of `casing`.
-fn left_out(setup: &Setup, offsets: &[usize], shoulders: &[Shoulder], casing: &[Shoulder]) -> Vec<LeftOut> {
-    let others: Vec<&Shoulder> = shoulders.iter().filter(|shoulder| shoulder.casing != casing[0].casing).collect();
-    let Some(Learned { index, statistic, .. }) = learn(setup, offsets, &others) else { return Vec::new() };
+/// What other casings say of the shoulders of each of `casings`, in their order.
+fn left_out(setup: &Setup, offsets: &[usize], casings: &[&[Shoulder]]) -> Vec<LeftOut> {
+    let of_group = |(group, others): (Vec<&[Shoulder]>, Vec<&[Shoulder]>)| -> Vec<LeftOut> {
+        let Some(learned) = learn(setup, offsets, &others.into_iter().flatten().collect::<Vec<_>>()) else {
+            return Vec::new();
+        };
+        group.into_iter().flat_map(|casing| judged_by(&learned, casing)).collect()
+    };
+    let mut all: Vec<LeftOut> = dealt(casings).into_par_iter().flat_map_iter(of_group).collect();
+    all.sort_by_key(|of| of.casing);
+    all
+}
+
+/// `casings` dealt into groups, each with the casings that are not in it.
+pub(super) fn dealt<T: Copy>(casings: &[T]) -> Vec<(Vec<T>, Vec<T>)> {
+    let count = casings.len().min(GROUPS_MAX);
+    let split = |group: usize| {
+        let (own, others): (Vec<_>, Vec<_>) =
+            casings.iter().zip(0..).partition(|&(_, number): &(&T, usize)| number % count == group);
+        let without_numbers = |of: Vec<(&T, usize)>| of.into_iter().map(|(casing, _)| *casing).collect();
+        (without_numbers(own), without_numbers(others))
+    };
+    (0..count).map(split).collect()
+}
+
+/// The shoulders of `casing`, judged by what others taught.
+fn judged_by(learned: &Learned, casing: &[Shoulder]) -> Vec<LeftOut> {
+    let Learned { index, statistic, .. } = learned;
     let own: Vec<&Shoulder> = casing.iter().collect();
     let of = |(shoulder, mut scores): (&Shoulder, Scores)| {
         scores.hide(&shoulder.sound());
@@ -191,4 +216,28 @@ fn left_out(setup: &Setup, offsets: &[usize], shoulders: &[Shoulder], casing: &[
         Some(LeftOut { casing: shoulder.casing, strongest, scores })
     };
     casing.iter().zip(index.scores(&own)).filter_map(of).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a casing that is judged by itself, twice or never, and more groups than a large reference has time for.
+    #[test]
+    fn each_casing_is_judged_by_others() {
+        for (count, groups) in [(2, 2), (24, 24), (25, 24), (100, 24)] {
+            let casings: Vec<usize> = (0..count).collect();
+            let dealt = dealt(&casings);
+            assert_eq!(dealt.len(), groups);
+            for (own, others) in &dealt {
+                let mut all = [own.as_slice(), others].concat();
+                all.sort_unstable();
+                assert_eq!(all, casings);
+                assert!(own.len() <= count.div_ceil(groups), "{own:?}");
+            }
+            let mut all: Vec<usize> = dealt.into_iter().flat_map(|(own, _)| own).collect();
+            all.sort_unstable();
+            assert_eq!(all, casings);
+        }
+    }
 }

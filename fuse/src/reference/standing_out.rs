@@ -3,7 +3,7 @@
 use std::cmp::Ordering;
 
 use crate::arcs::limits::Limits;
-use crate::reference::fitted::FittedReference;
+use crate::reference::fitted::{FittedReference, dealt};
 use crate::shoulder::Shoulder;
 use crate::verdict::whole_shoulder::{Levels, SoundPlaces};
 
@@ -20,7 +20,7 @@ pub(super) fn standing_out(fitted: &FittedReference, shoulders: &[Shoulder]) -> 
     found
 }
 
-/// The casings whose strongest arc, judged by the other casings, is beyond the limit of those that stand out less.
+/// The casings whose strongest arc, judged by other casings, is beyond the limit of those that stand out less.
 ///
 /// Several cracked casings widen each other's limits, so the comparison begins with the half that stands out least.
 fn by_arcs(fitted: &FittedReference) -> Vec<usize> {
@@ -35,21 +35,24 @@ fn by_arcs(fitted: &FittedReference) -> Vec<usize> {
     first.map_or_else(Vec::new, |first| casings[first..].iter().map(|casing| casing[0].0).collect())
 }
 
-/// The casings whose levels, judged by the other casings, are off: the one that is farthest off first, then the next without it.
+/// The casings whose levels, judged by other casings, are off: the one that is farthest off first, then the next without it.
 fn by_levels(fitted: &FittedReference, shoulders: &[Shoulder]) -> Vec<usize> {
     let mut kept: Vec<&Shoulder> = shoulders.iter().collect();
     let mut found = Vec::new();
     for _ in 0..shoulders.len() {
         let casings: Vec<&[&Shoulder]> = kept.chunk_by(|a, b| a.casing == b.casing).collect();
-        let least = |casing: &&[&Shoulder]| {
-            let number = casing[0].casing;
-            let others = kept.iter().filter(|other| other.casing != number);
-            let levels = Levels::fit(&fitted.setup, &others.map(|other| SoundPlaces::known(other)).collect::<Vec<_>>());
-            let casing: Vec<SoundPlaces<'_>> = casing.iter().map(|shoulder| SoundPlaces::known(shoulder)).collect();
-            let of = |place: usize| levels.probability(&casing[place], casing.get(1 - place));
-            (0..casing.len().min(2)).filter_map(of).min_by(f64::total_cmp).map(|least| (number, least))
-        };
-        let farthest = casings.iter().filter_map(least).min_by(|a, b| a.1.total_cmp(&b.1));
+        let mut least = Vec::new();
+        for (group, others) in dealt(&casings) {
+            let others: Vec<_> = others.into_iter().flatten().map(|other| SoundPlaces::known(other)).collect();
+            let levels = Levels::fit(&fitted.setup, &others);
+            for casing in group {
+                let places: Vec<SoundPlaces<'_>> = casing.iter().map(|shoulder| SoundPlaces::known(shoulder)).collect();
+                let of = |place: usize| levels.probability(&places[place], places.get(1 - place));
+                let of_casing = (0..places.len().min(2)).filter_map(of).min_by(f64::total_cmp);
+                least.extend(of_casing.map(|least| (casing[0].casing, least)));
+            }
+        }
+        let farthest = least.into_iter().min_by(|a, b| a.1.total_cmp(&b.1));
         let Some((number, _)) = farthest.filter(|(_, probability)| *probability < RATE) else { break };
         kept.retain(|shoulder| shoulder.casing != number);
         found.push(number);
