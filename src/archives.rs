@@ -14,6 +14,8 @@ use tapline_host::messages::print_line;
 use tapline_host::progress::{Progress, Unit};
 use tapline_store::{Folder, Reader, archive_of};
 
+use crate::config::reference::differences;
+
 /// Which files of a folder a verb takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Which {
@@ -154,8 +156,10 @@ impl Archives {
             Which::Casings => here.sorted().archives,
             Which::Results => {
                 let sorted = here.sorted();
-                sorted.without_results(folder).iter().for_each(|remark| tracing::warn!("{remark}"));
-                sorted.newest_results()
+                let newest = sorted.newest_results();
+                let mixed = (newest.len() < sorted.results.len()).then(|| mixed(&newest)).flatten();
+                sorted.without_results(folder).iter().chain(&mixed).for_each(|remark| tracing::warn!("{remark}"));
+                newest
             }
             Which::All => here.finished,
         };
@@ -169,6 +173,23 @@ impl Archives {
         };
         Ok(chosen.into_iter().map(named).collect())
     }
+}
+
+/// The remark if results, each the newest of a casing that may have several, were not all made by the same options and reference.
+fn mixed(newest: &[PathBuf]) -> Option<String> {
+    let of = |path: &PathBuf| {
+        let reader = Reader::open(path).ok()?;
+        let lines = reader.made_by().lines().filter(|line| line.starts_with("fuse.") || line.starts_with("process."));
+        Some((path.display().to_string(), lines.collect::<Vec<_>>().join("\n"), reader.reference().map(str::to_owned)))
+    };
+    let mut all = newest.iter().filter_map(of);
+    let (first, options, reference) = all.next()?;
+    let (other, others, _) = all.find(|(_, others, by)| (others, by) != (&options, &reference))?;
+    let difference = if others == options { "the reference".to_owned() } else { differences(&options, &others) };
+    Some(format!(
+        "the newest results are not all of one kind: {first} there and {other} here differ in {difference}. The newest are those whose file \
+         has the latest time, which not every copy keeps. Judge all casings again with the options that you want"
+    ))
 }
 
 /// The folder within which the files at `path` are named.

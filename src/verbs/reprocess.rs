@@ -181,24 +181,26 @@ fn again(archive: &Path, asked: &Asked) -> Result<Results> {
     let task = Task::new(archive, asked)?;
     note_folder(&task.out);
     let made = match made_before(&task)? {
-        Some(results) => Made { is_complete: is_complete(&results), tap_count: 0, is_from_samples: false },
+        Some((results, is_newest)) => {
+            Made { is_complete: is_newest && is_complete(&results), tap_count: 0, is_from_samples: false }
+        }
         None => make(&task, asked)?,
     };
     Ok(Results { path: task.out, lineage_key: task.lineage_key, made })
 }
 
-/// The results of `task`, if they are finished already. They become the newest again, which the other verbs take.
-fn made_before(task: &Task) -> Result<Option<Reader>> {
+/// The results of `task`, if they are finished already, and whether they could be made the newest again, which the other verbs take.
+fn made_before(task: &Task) -> Result<Option<(Reader, bool)>> {
     let Ok(results) = Reader::open(&task.out) else { return Ok(None) };
     if !results.is_results() || results.lineage_key()? != task.lineage_key {
         return Ok(None);
     }
     let now = SystemTime::UNIX_EPOCH + Duration::from_nanos(now_ns().unsigned_abs());
     let touched = File::open(&task.out).and_then(|file| file.set_modified(now));
-    if let Err(error) = touched {
+    if let Err(error) = &touched {
         tracing::error!("{}: cannot be made the newest results: {error}", task.out.display());
     }
-    Ok(Some(results))
+    Ok(Some((results, touched.is_ok())))
 }
 
 /// Makes the results of `task`.

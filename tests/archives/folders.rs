@@ -175,6 +175,11 @@ fn results_are_taken_when_they_are_asked_for() {
     sandbox.run("reprocess out --reference self").expect(0);
     sandbox.run("reprocess out --reference sound.json").expect(0);
     assert_eq!(csv_rows(&sandbox.run("export out verdicts --results").expect(0).out), after);
+    // Of two kinds of results, one casing has the other as its newest.
+    assert!(!sandbox.run("export out verdicts --results").expect(0).err.contains("of one kind"));
+    sandbox.run("reprocess out/SIM-0002.h5 --reference self").expect(0);
+    let warned = sandbox.run("export out verdicts --results").expect(0).err;
+    assert!(warned.contains("not all of one kind: ") && warned.contains("fuse.reference = \"self\" here"), "{warned}");
     assert!(sandbox.run("explain out --shoulder SIM-0009/1").expect(1).err.contains("none of the 3 archives"));
     let meant = "SIM-0002\": that casing has SIM-0002/1 and SIM-0002/2";
     assert!(sandbox.run("explain out --shoulder SIM-0002").expect(1).err.contains(meant));
