@@ -151,7 +151,7 @@ impl Scans {
             let cracks = scans.first()?.known.clone()?;
             Some((shoulder.clone(), Inspected::of_archive(cracks)))
         });
-        KnownTruth { shoulders: known.collect() }
+        KnownTruth { shoulders: known.collect(), ..KnownTruth::default() }
     }
 }
 

@@ -2,18 +2,19 @@
 
 use super::archives::Scans;
 use super::inspected::InspectedShoulder;
+use super::truth::{KnownTruth, Shoulder};
 use crate::evaluation::{Cell, Table};
 
-pub(super) fn table(scans: &Scans, inspected: &[InspectedShoulder], has_file: bool) -> Table {
+pub(super) fn table(scans: &Scans, truth: &KnownTruth, inspected: &[InspectedShoulder], has_file: bool) -> Table {
     let mut table = Table::new("basis", "What the numbers rest on", ["what", "count", "remark"]);
     let mut push = |what: &str, count: usize, remark: String| table.push([what.into(), count.into(), remark.into()]);
     let scan_count: usize = scans.of_shoulder.values().map(Vec::len).sum();
     let sound_count = inspected.iter().filter(|shoulder| shoulder.is_sound()).count();
     let cracks = || inspected.iter().flat_map(|shoulder| &shoulder.cracks);
     let unsized_count = cracks().filter(|crack| crack.size_mm.is_none()).count();
-    let not_inspected: Vec<String> = (scans.of_shoulder.keys())
+    let not_inspected: Vec<Shoulder> = (scans.of_shoulder.keys())
         .filter(|&key| !inspected.iter().any(|shoulder| shoulder.scan.shoulder() == *key))
-        .map(|(tyre, shoulder)| format!("{tyre}/{shoulder}"))
+        .cloned()
         .collect();
     push("archives", scans.archive_count, String::new());
     push("judged scans of shoulders", scan_count, String::new());
@@ -26,8 +27,12 @@ pub(super) fn table(scans: &Scans, inspected: &[InspectedShoulder], has_file: bo
     }
     if !not_inspected.is_empty() {
         let file = if has_file { "the truth file has no row for them" } else { "their archives have no truth" };
-        let text = format!("not inspected: {file}; only in the gauge study: {}", shortened(&not_inspected));
+        let text = format!("not inspected: {file}; only in the gauge study: {}", names(&not_inspected));
         push("shoulders left out", not_inspected.len(), text);
+    }
+    if !truth.not_scanned.is_empty() {
+        let text = format!("inspected, but in none of the archives that were read: {}", names(&truth.not_scanned));
+        push("shoulders of the truth file left out", truth.not_scanned.len(), text);
     }
     let repeat_count = scan_count - scans.of_shoulder.len();
     if repeat_count > 0 {
@@ -48,10 +53,11 @@ pub(super) fn table(scans: &Scans, inspected: &[InspectedShoulder], has_file: bo
     table
 }
 
-/// The first few of many names.
-fn shortened(names: &[String]) -> String {
+/// The first few of many shoulders.
+pub(super) fn names(shoulders: &[Shoulder]) -> String {
     const SHOWN: usize = 8;
-    let rest = names.len().saturating_sub(SHOWN);
-    let shown = names[..names.len() - rest].join(" ");
+    let rest = shoulders.len().saturating_sub(SHOWN);
+    let shown = shoulders.iter().take(SHOWN).map(|(tyre, shoulder)| format!("{tyre}/{shoulder}"));
+    let shown = shown.collect::<Vec<_>>().join(" ");
     if rest > 0 { format!("{shown} and {rest} more") } else { shown }
 }

@@ -72,10 +72,19 @@ pub fn pod(args: &PodArgs) -> Result<bool> {
         check_folder(folder, args.force.existing())?;
     }
     let scans = Scans::read(&args.folder)?;
+    scans.unreadable.iter().for_each(|why| print_line(&format!("tapline-lab: {why}")));
     let truth = match &args.truth {
         Some(file) => {
-            let truth = KnownTruth::read(file)?;
-            truth.check(&scans.extents()).map_err(|error| anyhow!("{} {error:#}", file.display()))?;
+            let (mut truth, scanned) = (KnownTruth::read(file)?, scans.extents());
+            if !scans.unreadable.is_empty() {
+                truth.leave_out_others(&scanned);
+            }
+            truth.check(&scanned).map_err(|error| anyhow!("{} {error:#}", file.display()))?;
+            if !truth.not_scanned.is_empty() {
+                let names = basis::names(&truth.not_scanned);
+                let why = "they are in none of the archives that were read";
+                say(&format!("{}: rows of {names} are left out: {why}", file.display()));
+            }
             if let Some(why) = &scans.contradiction {
                 say(&format!(
                     "{why}; --truth replaces what archives know of cracks, and both count as scans of one shoulder"
@@ -93,7 +102,6 @@ pub fn pod(args: &PodArgs) -> Result<bool> {
     if let Some(folder) = &args.out {
         found.write(folder, args.force.existing())?;
     }
-    scans.unreadable.iter().for_each(|why| print_line(&format!("tapline-lab: {why}")));
     Ok(scans.unreadable.is_empty())
 }
 
@@ -105,7 +113,7 @@ impl Findings {
         let calls = calls::calls(&inspected);
         let repeated = repeats::repeated(scans);
         let tables = vec![
-            basis::table(scans, &inspected, args.truth.is_some()),
+            basis::table(scans, truth, &inspected, args.truth.is_some()),
             cracks::table(&detections),
             roc::table(&rocs),
             calls::table(&calls),

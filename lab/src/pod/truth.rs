@@ -51,6 +51,8 @@ impl Inspected {
 #[derive(Debug, Clone, Default)]
 pub(super) struct KnownTruth {
     pub shoulders: BTreeMap<Shoulder, Inspected>,
+    /// Shoulders that the file has, and none of the archives that were read.
+    pub not_scanned: Vec<Shoulder>,
 }
 
 /// Where the locations of a shoulder lie.
@@ -126,6 +128,12 @@ impl KnownTruth {
             }
         }
         Ok(())
+    }
+
+    /// Leaves out the shoulders that are not in `scanned`, because archives were left out that may have them.
+    pub(super) fn leave_out_others(&mut self, scanned: &BTreeMap<Shoulder, Extent>) {
+        self.not_scanned = self.shoulders.keys().filter(|key| !scanned.contains_key(*key)).cloned().collect();
+        self.shoulders.retain(|key, _| scanned.contains_key(key));
     }
 
     /// Checks each row against the shoulders that were scanned.
