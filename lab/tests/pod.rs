@@ -3,8 +3,10 @@
 mod made;
 
 use std::fs;
+use std::time::SystemTime;
 
 use serde_json::Value;
+use tapline_store::results_path;
 use tapline_testing::documents::text;
 
 use self::made::{Archive, Shoulder};
@@ -220,6 +222,44 @@ fn archives_tell_their_own_truth() {
     assert!(page.contains("limits lie between 2 and 2.4"), "{page}");
     assert!(page.contains("no shoulder was scanned twice at one station"), "{page}");
     assert!(page.contains("No probability of detection: no crack has a size."), "{page}");
+}
+
+/// Catches results that count as archives or are opened where nobody asked for them, results that are not the newest, and an
+/// archive that is judged beside those of others.
+#[test]
+fn results_take_the_place_of_archives() {
+    let sandbox = Sandbox::new();
+    let of = |tyre: &str, peak| Archive::new(1, &[Shoulder::new(tyre, 1, &ring(peak))]);
+    write(&sandbox, &[of("A", 1.0), of("B", 1.0), of("C", 1.0)]);
+    assert!(sandbox.run("pod casings --results").expect(1).err.contains("casings has no results of tapline reprocess"));
+    let [a, b, c] = ["000", "001", "002"].map(|name| sandbox.path(&format!("casings/{name}.h5")));
+    of("A", 4.0).write_results(&a, "aaaaaaaaaaaa");
+    let older = fs::File::options().write(true).open(results_path(&a, "aaaaaaaaaaaa")).unwrap();
+    older.set_modified(SystemTime::UNIX_EPOCH).unwrap();
+    of("A", 2.5).write_results(&a, "bbbbbbbbbbbb");
+    of("B", 3.5).write_results(&b, "bbbbbbbbbbbb");
+    let rows = "A,1,3,2,12\nB,1,,0,\nC,1,,0,\n";
+    fs::write(sandbox.path("truth.csv"), format!("{HEAD}{rows}")).unwrap();
+    let calls = |found: &Value| -> Vec<(f64, f64)> {
+        let count = |row: &Value, column: &str| row[column].as_f64().unwrap();
+        let rows = found["calls"].as_array().unwrap().iter();
+        rows.map(|row| (count(row, "calls"), count(row, "judged"))).collect()
+    };
+    // Sound ones not passed and rejected, then cracked ones.
+    let done = sandbox.run("pod casings --results --truth truth.csv --json");
+    let found = done.json(0);
+    assert_eq!(calls(&found), [(1.0, 1.0), (1.0, 1.0), (1.0, 1.0), (0.0, 1.0)]);
+    assert_eq!(row(&found["basis"], "archives")["count"], 2.0);
+    for expected in ["casings: 1 of 3 archives have no results and are left out", "truth.csv: rows of C/1 are left out"]
+    {
+        assert!(done.err.contains(expected), "{expected}: {done:?}");
+    }
+    // Without the option results are not even opened.
+    fs::write(results_path(&c, "cccccccccccc"), "no archive").unwrap();
+    let found = tables(&sandbox, rows);
+    assert_eq!(calls(&found), [(0.0, 2.0), (0.0, 2.0), (0.0, 1.0), (0.0, 1.0)]);
+    assert_eq!(row(&found["basis"], "archives")["count"], 3.0);
+    assert_eq!(row(&found["basis"], "judged scans of shoulders")["count"], 3.0);
 }
 
 /// Catches a row of a casing that was never scanned, or that lies outside of what was, taken in silence.

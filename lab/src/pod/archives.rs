@@ -1,11 +1,11 @@
 //! The shoulders of all finished archives of a folder.
 
-use std::collections::BTreeMap;
-use std::path::Path;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, ensure};
 use tapline_host::progress::{Progress, Unit};
-use tapline_store::{Folder, Judged, Reader};
+use tapline_store::{Folder, Judged, Reader, archive_of};
 use tapline_wire::{DamageCell, Geometry, Judgement, Scan};
 
 use super::truth::{Crack, Extent, Inspected, KnownTruth, Shoulder};
@@ -38,11 +38,12 @@ pub(super) struct Scanned {
 pub(super) struct Scans {
     /// By casing and shoulder, the first scan first.
     pub of_shoulder: BTreeMap<Shoulder, Vec<Scanned>>,
+    /// Archives, or with `--results` files of new results.
     pub archive_count: usize,
+    /// With `--results`, the remark on archives that have none.
+    pub without_results: Option<String>,
     /// Archives that could not be read, each with the reason.
     pub unreadable: Vec<String>,
-    /// Files with new results of archives (`tapline reprocess`).
-    pub results_count: usize,
     /// Scans without a verdict.
     pub unjudged_count: usize,
     /// Scans of the same recording as another.
@@ -64,14 +65,23 @@ impl Scanned {
 }
 
 impl Scans {
-    /// Reads the finished archives of `folder` and its subfolders.
+    /// Reads the finished archives of `folder` and its subfolders, or instead of them the newest results of each.
     ///
     /// # Errors
-    /// A folder that cannot be read, or that has no readable archive.
-    pub(super) fn read(folder: &Path) -> Result<Self> {
-        let files = Folder::list(folder)?.finished;
-        ensure!(!files.is_empty(), "{} has no finished archive (NAME.h5)", folder.display());
-        let mut scans = Self { archive_count: files.len(), ..Self::default() };
+    /// A folder that cannot be read, or that has no readable archive or results.
+    pub(super) fn read(folder: &Path, is_results: bool) -> Result<Self> {
+        let here = Folder::list(folder)?;
+        let mut scans = Self::default();
+        let files = if is_results {
+            let sorted = here.sorted();
+            scans.without_results = sorted.without_results(folder);
+            sorted.newest_results()
+        } else {
+            without_named_results(here.finished)
+        };
+        let what = if is_results { "results of tapline reprocess" } else { "finished archive (NAME.h5)" };
+        ensure!(!files.is_empty(), "{} has no {what}", folder.display());
+        scans.archive_count = files.len();
         let mut progress = Progress::new(Some(files.len() as u64), Unit::Things("archives"));
         for (path, done) in files.iter().zip(0..) {
             progress.update(done);
@@ -116,10 +126,6 @@ impl Scans {
 
     fn add(&mut self, path: &Path, name: &str) -> Result<()> {
         let reader = Reader::open(path)?;
-        if reader.is_results() {
-            self.results_count += 1;
-            return Ok(());
-        }
         let times = reader.headers()?;
         let recording = if times.iter().flatten().next().is_some() { Some(reader.raw_digest()?) } else { None };
         for (scan, judged) in reader.plan().scans().iter().zip(reader.judgements()?) {
@@ -139,6 +145,11 @@ impl Scans {
         Ok(())
     }
 
+    /// Whether shoulders may have been scanned that are not among these, because archives were left out.
+    pub(super) fn left_some_out(&self) -> bool {
+        !self.unreadable.is_empty() || self.without_results.is_some()
+    }
+
     /// Where the locations of each shoulder lie.
     pub(super) fn extents(&self) -> BTreeMap<Shoulder, Extent> {
         let first = |(shoulder, scans): (&Shoulder, &Vec<Scanned>)| Some((shoulder.clone(), scans.first()?.extent));
@@ -153,6 +164,13 @@ impl Scans {
         });
         KnownTruth { shoulders: known.collect(), ..KnownTruth::default() }
     }
+}
+
+/// Those of `files` that are not named like results of another of them. None is opened: results may outnumber archives, and to open
+/// them reads their archives again.
+fn without_named_results(files: Vec<PathBuf>) -> Vec<PathBuf> {
+    let all: BTreeSet<PathBuf> = files.iter().cloned().collect();
+    files.into_iter().filter(|file| archive_of(file).is_none_or(|archive| !all.contains(&archive))).collect()
 }
 
 fn scanned(reader: &Reader, scan: &Scan, judged: &Judged) -> Result<Scanned> {

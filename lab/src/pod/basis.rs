@@ -1,11 +1,12 @@
 //! What the numbers rest on, and what was left out.
 
+use super::PodArgs;
 use super::archives::Scans;
 use super::inspected::InspectedShoulder;
 use super::truth::{KnownTruth, Shoulder};
 use crate::evaluation::{Cell, Table};
 
-pub(super) fn table(scans: &Scans, truth: &KnownTruth, inspected: &[InspectedShoulder], has_file: bool) -> Table {
+pub(super) fn table(scans: &Scans, truth: &KnownTruth, inspected: &[InspectedShoulder], args: &PodArgs) -> Table {
     let mut table = Table::new("basis", "What the numbers rest on", ["what", "count", "remark"]);
     let mut push = |what: &str, count: usize, remark: String| table.push([what.into(), count.into(), remark.into()]);
     let scan_count: usize = scans.of_shoulder.values().map(Vec::len).sum();
@@ -16,7 +17,8 @@ pub(super) fn table(scans: &Scans, truth: &KnownTruth, inspected: &[InspectedSho
         .filter(|&key| !inspected.iter().any(|shoulder| shoulder.scan.shoulder() == *key))
         .cloned()
         .collect();
-    push("archives", scans.archive_count, String::new());
+    let which = if args.results { "the newest results of each" } else { "" };
+    push("archives", scans.archive_count, which.to_owned());
     push("judged scans of shoulders", scan_count, String::new());
     push("shoulders", scans.of_shoulder.len(), String::new());
     push("cracked shoulders", inspected.len() - sound_count, String::new());
@@ -26,7 +28,8 @@ pub(super) fn table(scans: &Scans, truth: &KnownTruth, inspected: &[InspectedSho
         push("cracks without a size", unsized_count, "they do not count in the probability of detection".to_owned());
     }
     if !not_inspected.is_empty() {
-        let file = if has_file { "the truth file has no row for them" } else { "their archives have no truth" };
+        let file =
+            if args.truth.is_some() { "the truth file has no row for them" } else { "their archives have no truth" };
         let text = format!("not inspected: {file}; only in the gauge study: {}", names(&not_inspected));
         push("shoulders left out", not_inspected.len(), text);
     }
@@ -41,11 +44,13 @@ pub(super) fn table(scans: &Scans, truth: &KnownTruth, inspected: &[InspectedSho
     for (what, count, remark) in [
         ("copies", scans.copy_count, "scans with the same recording as another; left out"),
         ("scans without a verdict", scans.unjudged_count, "left out"),
-        ("files of new results", scans.results_count, "results of `tapline reprocess`; left out"),
     ] {
         if count > 0 {
             push(what, count, remark.to_owned());
         }
+    }
+    if let Some(remark) = &scans.without_results {
+        table.push(["archives without results".into(), Cell::Empty, remark.clone().into()]);
     }
     for why in &scans.unreadable {
         table.push(["archive left out".into(), Cell::Count(1), why.clone().into()]);

@@ -38,6 +38,9 @@ pub struct PodArgs {
     /// truth in the archives (simulated tyres, tap sets with truth) is used.
     #[arg(long)]
     pub truth: Option<PathBuf>,
+    /// Use each casing's newest `tapline reprocess` results instead of its archive.
+    #[arg(long)]
+    pub results: bool,
     /// Seed of the intervals' random numbers.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -71,12 +74,13 @@ pub fn pod(args: &PodArgs) -> Result<bool> {
     if let Some(folder) = &args.out {
         check_folder(folder, args.force.existing())?;
     }
-    let scans = Scans::read(&args.folder)?;
+    let scans = Scans::read(&args.folder, args.results)?;
+    scans.without_results.iter().for_each(|remark| say(&format!("tapline-lab: {remark}")));
     scans.unreadable.iter().for_each(|why| print_line(&format!("tapline-lab: {why}")));
     let truth = match &args.truth {
         Some(file) => {
             let (mut truth, scanned) = (KnownTruth::read(file)?, scans.extents());
-            if !scans.unreadable.is_empty() {
+            if scans.left_some_out() {
                 truth.leave_out_others(&scanned);
             }
             truth.check(&scanned).map_err(|error| anyhow!("{} {error:#}", file.display()))?;
@@ -113,7 +117,7 @@ impl Findings {
         let calls = calls::calls(&inspected);
         let repeated = repeats::repeated(scans);
         let tables = vec![
-            basis::table(scans, truth, &inspected, args.truth.is_some()),
+            basis::table(scans, truth, &inspected, args),
             cracks::table(&detections),
             roc::table(&rocs),
             calls::table(&calls),

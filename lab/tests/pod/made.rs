@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use tapline_store::Writer;
+use tapline_store::{Reader, Writer, results_path};
 use tapline_wire::{
     Channel, ChannelHeader, DamageCell, Discriminators, Geometry, Judgement, Plan, PlannedTap, Purpose, Reasons,
     RecordKind, Recording, SampleFormat, Serial, SourceKind, Stamp, TapHeader, TapId, Truth, Verdict,
@@ -67,6 +67,24 @@ impl Archive {
                 }
             }
         }
+        self.judge(writer);
+    }
+
+    /// Writes results for the taps of `archive`, which has the same shoulders; `key` is that of their lineage.
+    pub(crate) fn write_results(&self, archive: &Path, key: &str) {
+        let reader = Reader::open(archive).unwrap();
+        let raw = (archive, reader.raw_digest().unwrap());
+        let mut writer = Writer::results(results_path(archive, key), raw, &self.plan(), "[store]\n".into()).unwrap();
+        for refusal in reader.refusals().unwrap() {
+            writer.put_refusal(refusal.plan_index, &refusal.id, &refusal.reason).unwrap();
+        }
+        for found in reader.discriminators().unwrap().into_iter().flatten() {
+            writer.put_discriminators(&found).unwrap();
+        }
+        self.judge(writer);
+    }
+
+    fn judge(&self, mut writer: Writer) {
         for (scan, shoulder) in (0..).zip(&self.shoulders) {
             let (judgement, cells) = judged(scan, shoulder);
             writer.end_scan(scan).unwrap();
