@@ -262,6 +262,35 @@ fn results_take_the_place_of_archives() {
     assert_eq!(row(&found["basis"], "judged scans of shoulders")["count"], 3.0);
 }
 
+/// Catches shoulders that were compared with their own casing and are taken for those of another reference, and another reference that
+/// is not named beside them.
+#[test]
+fn shoulders_compared_with_their_own_casing_are_counted() {
+    let remarks = |last_limits: [f64; 2]| -> [String; 3] {
+        let shoulder = |number: usize| Shoulder {
+            known: Some(if number == 0 { vec![3, 4] } else { Vec::new() }),
+            limits: [made::LIMITS, [2.5, 3.2], [2.6, 3.3], last_limits][number],
+            is_scatter_off: (1..3).contains(&number),
+            ..Shoulder::new(&format!("T{number}"), 1, &ring(0.5 + number as f64))
+        };
+        let shoulders: Vec<Shoulder> = (0..4).map(shoulder).collect();
+        let sandbox = Sandbox::new();
+        write(&sandbox, &[Archive::new(1, &shoulders), Archive::new(2, &shoulders)]);
+        let found = sandbox.run("pod casings --json").json(0);
+        [&found["roc"][0], &found["roc"][1], &found["gauge"][0]].map(|row| row["remark"].to_string())
+    };
+    let expected = ["2 shoulders were", "2 shoulders were", "4 scans were"];
+    let pooled = ["references are pooled", "references are pooled", "not all scans had the same reference"];
+    let (alike, different) = (remarks(made::LIMITS), remarks([2.2, 3.1]));
+    for number in 0..3 {
+        let own = format!("{} compared with their own casings because their scatter was off", expected[number]);
+        assert!(alike[number].contains(&own) && !alike[number].contains("limits lie"), "{alike:#?}");
+        let limits = "limits lie between 2 and 2.2: ";
+        assert!(different[number].contains(&own) && different[number].contains(limits), "{different:#?}");
+        assert!(different[number].contains(pooled[number]), "{different:#?}");
+    }
+}
+
 /// Catches a row of a casing that was never scanned, or that lies outside of what was, taken in silence.
 #[test]
 fn what_is_wrong_is_named() {

@@ -8,7 +8,7 @@ use crate::evaluation::{GAUGE_COLUMNS, Reading, Table, gauge_cells};
 use crate::statistics::{Crossed, Gauge, crossed, one_way};
 
 use super::archives::{Scanned, Scans};
-use super::roc::different;
+use super::roc::reference_remarks;
 
 /// Parts that AIAG asks for.
 const PARTS: usize = 10;
@@ -105,9 +105,7 @@ impl Repeated {
         if design.left_out > 0 {
             remarks.push(format!("{} parts left out for which not every scan has a value", design.left_out));
         }
-        if let Some((low, high)) = design.limits {
-            remarks.push(format!("limits lie between {low:.3} and {high:.3}: not all scans had the same reference"));
-        }
+        remarks.extend(design.references.iter().cloned());
         Self {
             quantity: reading.name(),
             stations,
@@ -125,8 +123,8 @@ struct Design {
     part_count: usize,
     repeat_count: usize,
     left_out: usize,
-    /// Least and greatest re-inspect limit where they differ.
-    limits: Option<(f64, f64)>,
+    /// Remarks if not all scans were compared with the same reference.
+    references: Vec<String>,
 }
 
 impl Design {
@@ -152,8 +150,9 @@ impl Design {
                 }
             }
         }
-        let limits = different(shoulders.iter().flatten().copied().flatten().map(|scan| &scan.result));
-        Self { readings, part_count, repeat_count, left_out, limits }
+        let scans = shoulders.iter().flatten().copied().flatten().copied();
+        let references = reference_remarks(scans, "scan", "not all scans had the same reference");
+        Self { readings, part_count, repeat_count, left_out, references }
     }
 }
 

@@ -1,18 +1,39 @@
 //! ROC curves of shoulders, by their strongest arc, and of locations, by their damage index.
 
 use tapline_draw::stats::extent;
+use tapline_host::messages::counted;
+use tapline_wire::Reasons;
 
 use crate::evaluation::{Areas, FALSE_ALARMS, FoundAt, Table, cell, ends};
-use crate::shoulder_result::ShoulderResult;
 
+use super::archives::Scanned;
 use super::inspected::InspectedShoulder;
 
 /// Shoulders whose limits differ by more than this fraction have different references.
 const SAME_LIMIT: f64 = 0.01;
 
-/// Least and greatest of the limits of `results`, where they differ.
-pub(super) fn different<'a>(results: impl Iterator<Item = &'a ShoulderResult>) -> Option<(f64, f64)> {
-    extent(results.map(|result| result.limit)).filter(|(low, high)| high > &((1.0 + SAME_LIMIT) * low))
+/// Reasons of a shoulder that was compared with its own casing, because it scattered more than the named reference.
+const BY_OWN_CASING: Reasons = Reasons::SCATTER_OFF.union(Reasons::SELF_REFERENCE);
+
+/// Remarks if `scans` were compared with more than one reference: the range of their limits with `what_follows`, and how many
+/// were compared with their own casing.
+pub(super) fn reference_remarks<'a>(
+    scans: impl Iterator<Item = &'a Scanned>,
+    thing: &str,
+    what_follows: &str,
+) -> Vec<String> {
+    let (by_own, named): (Vec<&Scanned>, Vec<&Scanned>) =
+        scans.partition(|scan| scan.judgement.reasons.contains(BY_OWN_CASING));
+    let limits = extent(named.iter().map(|scan| scan.result.limit));
+    let different = limits.filter(|(low, high)| high > &((1.0 + SAME_LIMIT) * low));
+    let different =
+        different.map(|(low, high)| format!("limits lie between {} and {}: {what_follows}", cell(low), cell(high)));
+    let by_own = (!by_own.is_empty()).then(|| {
+        let one = format!("{thing} was compared with its own casing because its scatter was off");
+        let more = format!("{thing}s were compared with their own casings because their scatter was off");
+        counted(by_own.len(), &one, &more)
+    });
+    different.into_iter().chain(by_own).collect()
 }
 
 #[derive(Debug)]
@@ -32,9 +53,8 @@ pub(super) fn rocs(inspected: &[InspectedShoulder], seed: u64) -> [Roc; 2] {
         (result.tyre.clone(), result.strongest_arc, !shoulder.is_sound())
     });
     let results = || inspected.iter().map(|shoulder| &shoulder.scan.result);
-    let pooled = different(results()).map_or_else(String::new, |(low, high)| {
-        format!("limits lie between {} and {}: scores of different references are pooled", cell(low), cell(high))
-    });
+    let scans = inspected.iter().map(|shoulder| &shoulder.scan);
+    let pooled = reference_remarks(scans, "shoulder", "scores of different references are pooled").join("; ");
     let blind = results().flat_map(|result| &result.index).filter(|index| index.is_nan()).count();
     let blind = if blind > 0 { format!("{blind} locations without an index are left out") } else { String::new() };
     [

@@ -20,6 +20,8 @@ pub(crate) struct Shoulder {
     pub index: Vec<f64>,
     pub strongest_arc: f64,
     pub limits: [f64; 2],
+    /// Whether it was compared with its own casing, because its scatter was off.
+    pub is_scatter_off: bool,
     /// Locations that are cracked, by the archive itself; `None` where it does not know.
     pub known: Option<Vec<u32>>,
 }
@@ -33,6 +35,7 @@ impl Shoulder {
             index: index.to_vec(),
             strongest_arc: index.iter().copied().max_by(f64::total_cmp).unwrap(),
             limits: LIMITS,
+            is_scatter_off: false,
             known: None,
         }
     }
@@ -144,11 +147,14 @@ impl Archive {
 
 fn judged(scan: u32, shoulder: &Shoulder) -> (Judgement, Vec<DamageCell>) {
     let [re_inspect, reject] = shoulder.limits;
-    let (verdict, reasons) = match shoulder.strongest_arc {
+    let (verdict, mut reasons) = match shoulder.strongest_arc {
         arc if arc >= reject => (Verdict::Reject, Reasons::DAMAGE),
         arc if arc >= re_inspect => (Verdict::ReInspect, Reasons::SUSPECT),
         _ => (Verdict::Pass, Reasons::default()),
     };
+    if shoulder.is_scatter_off {
+        reasons.insert(Reasons::SCATTER_OFF | Reasons::SELF_REFERENCE);
+    }
     let judgement = Judgement {
         stamp: Stamp { kind: RecordKind::Data.code(), mark: scan.into(), ..Stamp::default() },
         verdict: verdict.code(),
