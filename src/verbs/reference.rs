@@ -129,11 +129,18 @@ impl<'a> Taken<'a> {
             let is_known_cracked = |&(location, _): &(u32, Option<f64>)| {
                 reader.truth().get(&(scan.tyre, scan.shoulder, location)) == Some(&true)
             };
-            ensure!(
-                is_labelled || !scan.locations.iter().any(is_known_cracked),
-                "{}: {name} is known to be cracked; --labelled uses what is known of each location",
-                path.display()
-            );
+            if !is_labelled && scan.locations.iter().any(is_known_cracked) {
+                ensure!(
+                    !self.has_names(),
+                    "{}: {name} is known to be cracked; --labelled uses what is known of each location",
+                    path.display()
+                );
+                say(&format!(
+                    "{}: {name} passed although it is known to be cracked, and is left out; --labelled uses what is known of each location",
+                    path.display()
+                ));
+                continue;
+            }
             ensure!(
                 !is_labelled || shoulder.is_cracked.is_some(),
                 "{}: it is not known for every location of {name} whether it is cracked",
@@ -192,7 +199,7 @@ impl<'a> Taken<'a> {
         let is_stated = self.has_names() || self.args.labelled;
         ensure!(
             !self.shoulders.is_empty(),
-            "no shoulder passed: name those that are known to be sound with --shoulder; if the rig has changed, first judge them by themselves \
+            "no shoulder passed that could be taken: name those that are known to be sound with --shoulder; if the rig has changed, first judge them by themselves \
              (`tapline reprocess FOLDER --reference self`, then `tapline reference FOLDER --results`)"
         );
         let (mut built, _) = self.built.context("no archive is named")?;

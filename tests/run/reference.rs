@@ -55,6 +55,23 @@ fn what_was_recorded_differently_is_left_out() {
     assert!(named.err.contains("long/Z1.h5: its taps were recorded"), "{named:?}");
 }
 
+/// Catches one shoulder that passed although it is cracked and keeps a whole folder from being a reference, or that is taken as sound.
+#[test]
+fn a_cracked_shoulder_that_passed_is_left_out() {
+    let sandbox = scanned();
+    sandbox.run("export sound taps --out set").expect(0);
+    let truth = text(&sandbox.path("set/truth.csv"));
+    sandbox.write("set/truth.csv", &truth.replace("\nS1,1,5,0\n", "\nS1,1,5,1\n"));
+    sandbox.run("run --taps set --config set/config.toml --out known").expect(0);
+    assert!(verdicts(&sandbox, "known").iter().any(|(name, verdict, _)| name == "S1/1" && verdict == "PASS"));
+    let done = sandbox.run("reference known --out sound.json").expect(0);
+    assert!(done.out.contains("3 shoulders: S1/2, S2/1, S2/2;"), "{done:?}");
+    let words = "known/S1.h5: S1/1 passed although it is known to be cracked, and is left out";
+    assert!(done.err.contains(words), "{done:?}");
+    let named = sandbox.run("reference known --shoulder S1/1 --out named.json").expect(1);
+    assert!(named.err.contains("S1/1 is known to be cracked; --labelled"), "{named:?}");
+}
+
 /// Catches a reference that is not used or not recorded, a sound tyre of another construction that counts as damaged, a
 /// crack that is missed, and an archive without the reference of its verdicts.
 #[test]
