@@ -6,6 +6,8 @@ use std::path::PathBuf;
 use anyhow::{Context as _, Result};
 use serde::Serialize;
 use tapline_fuse::Reference;
+use tapline_host::messages::counted;
+use tapline_wire::Plan;
 
 use crate::config::Config;
 
@@ -71,6 +73,23 @@ fn flatten(path: &str, value: &toml::Value, lines: &mut Vec<String>) {
             }
         }
         value => lines.push(format!("{path} = {value}")),
+    }
+}
+
+/// The value of an option as it is shown for an archive with this `plan`. Of the simulated tyres, which may be hundreds, it
+/// has the archive's own and the number of the others.
+pub(crate) fn shown_value(key: &str, value: String, plan: &Plan) -> String {
+    let tyres = match toml::from_str::<toml::Table>(&format!("tyre = {value}")) {
+        Ok(mut table) if key == "scan.tyre" => table.remove("tyre"),
+        _ => None,
+    };
+    let Some(toml::Value::Array(tyres)) = tyres else { return value };
+    let serial_of = |tyre: &toml::Value| Some(tyre.get("serial")?.as_str()?.to_owned());
+    let is_own = |serial: String| plan.scans().iter().any(|scan| scan.tyre.as_str() == serial);
+    let (own, others): (Vec<_>, Vec<_>) = tyres.into_iter().partition(|tyre| serial_of(tyre).is_some_and(is_own));
+    match others.len() {
+        0 => value,
+        count => format!("{} and {}", toml::Value::Array(own), counted(count, "other", "others")),
     }
 }
 

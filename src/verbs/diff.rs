@@ -12,6 +12,7 @@ use tapline_store::{Judged, Reader, lineage_changes};
 use tapline_wire::{Discriminator, Discriminators, Plan, Recording, Scan, TapId, Verdict};
 
 use crate::archives::{ArchiveFile, Archives, Which, Work};
+use crate::config::lineage::shown_value;
 use crate::verbs::explain::print;
 
 /// Prints what changed from the results at `before` to those at `after`: lineage first, then numbers. The casings of two folders
@@ -152,12 +153,16 @@ impl Difference {
         }
         let (found_a, found_b) = (a.discriminators()?, b.discriminators()?);
         let both = || found_a.iter().zip(&found_b).filter_map(|(a, b)| Some((a.as_ref()?, b.as_ref()?)));
+        let shown = |(key, before, after): (String, String, String)| {
+            let [before, after] = [(before, &a), (after, &b)].map(|(value, of)| shown_value(&key, value, of.plan()));
+            (key, before, after)
+        };
         let judged = a.plan().scans().iter().zip(a.judgements()?).zip(b.judgements()?);
         Ok(Self {
             before: before.display().to_string(),
             after: after.display().to_string(),
             is_lineage_same: a.lineage_key()? == b.lineage_key()?,
-            lineage: lineage_changes(a.made_by(), b.made_by()),
+            lineage: lineage_changes(a.made_by(), b.made_by()).into_iter().map(shown).collect(),
             is_raw_same: a.raw_digest()? == b.raw_digest()?,
             is_recorded_alike: are_recorded_alike(a.plan(), b.plan()),
             is_reference_same: a.reference() == b.reference(),

@@ -16,7 +16,7 @@ use tapline_wire::{Discriminator, Scan, TapState};
 
 use crate::archives::{Archives, Which, Work};
 use crate::config::Config;
-use crate::config::lineage::made_by;
+use crate::config::lineage::{made_by, shown_value};
 use crate::config::reference::fusion_of;
 use crate::shown::verdict::ShoulderVerdict;
 
@@ -131,6 +131,10 @@ impl Explanation {
         let (sources, options): (Vec<_>, Vec<_>) = lineage_changes(&here, reader.made_by())
             .into_iter()
             .partition(|(key, ..)| !key.contains('.') || key.starts_with("sources."));
+        let option = |(key, default, value): (String, String, String)| {
+            let value = shown_value(&key, value, reader.plan());
+            OtherOption { key, value, default }
+        };
         Ok(Self {
             archive: reader.path().display().to_string(),
             lineage: reader.lineage_key()?,
@@ -144,7 +148,7 @@ impl Explanation {
                 .reference()
                 .and_then(|text| Some(ReferenceSet::parse(text).ok()?.digest().to_owned())),
             other_sources: sources.into_iter().map(|(key, ..)| key.trim_start_matches("sources.").to_owned()).collect(),
-            options: options.into_iter().map(|(key, default, value)| OtherOption { key, value, default }).collect(),
+            options: options.into_iter().map(option).collect(),
             shoulder: shoulder.map(|name| ShoulderExplanation::of(reader, name, location)).transpose()?,
         })
     }

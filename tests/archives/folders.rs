@@ -250,6 +250,24 @@ fn a_replaced_archive_is_noticed() {
     sandbox.run("reference out/SIM-0002.h5 --shoulder SIM-0002/1 --out r.json").expect(0);
 }
 
+/// Catches an archive that is explained, or compared, with all tyres of its run, of which there may be hundreds.
+#[test]
+fn of_the_simulated_tyres_only_an_archive_s_own_are_shown() {
+    let sandbox = Sandbox::new();
+    let tyre = |k: u32, more: &str| format!("[[scan.tyre]]\nserial = \"T{k}\"\n{more}");
+    let tyres = |last: &str| format!("{SCAN}{}{}{}", tyre(1, ""), tyre(2, ""), tyre(3, last));
+    let crack = "crack = [{ shoulder = 1, first_location = 3, location_count = 2, depth_mm = 5.0 }]\n";
+    for (name, last) in [("a", ""), ("b", crack)] {
+        sandbox.write(&format!("{name}.toml"), &tyres(last));
+        sandbox.run(&format!("run --config {name}.toml --out {name}")).expect(0);
+    }
+    for arguments in ["explain a/T2.h5", "explain a/T2.h5 --json", "diff a/T2.h5 b/T2.h5"] {
+        let said = sandbox.run(arguments).expect(0).out.replace('\\', "");
+        assert!(said.contains("serial = \"T2\"") && said.contains("}] and 2 others"), "{arguments}: {said}");
+        assert!(!said.contains("\"T1\"") && !said.contains("\"T3\""), "{arguments}: {said}");
+    }
+}
+
 /// Catches an index that is not there and is printed as a number.
 #[test]
 fn a_location_without_an_index_has_none() {
