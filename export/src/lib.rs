@@ -36,7 +36,7 @@ use crate::csv_file::CsvFile;
 use crate::mat::Mat;
 #[cfg(feature = "parquet")]
 use crate::parquet_file::{Batches, ParquetFile};
-use crate::tap_set::TapSetFolder;
+use crate::tap_set::{Members, TapSetFolder};
 use crate::taps::scan_files::ScanFiles;
 use crate::uff::Uff;
 use tapline_store::Reader;
@@ -83,6 +83,20 @@ pub enum TapFormat {
 }
 
 impl TapFormat {
+    /// Checks that taps of all these archives can be in one folder: then [`TapFolder::add`] refuses none of them after it has read the taps of
+    /// others.
+    ///
+    /// # Errors
+    /// [`Error::NoTapSet`] for the first archive that does not fit those before it.
+    pub fn check(self, mut archives: impl Iterator<Item = Reader>) -> Result<()> {
+        let mut members = Members::default();
+        match self {
+            Self::Wav => archives.try_for_each(|reader| members.check(&reader)),
+            // Each shoulder has a file of its own.
+            Self::Uff(_) | Self::Mat => Ok(()),
+        }
+    }
+
     /// Begins the new or empty folder `folder` of taps.
     ///
     /// # Errors

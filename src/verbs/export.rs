@@ -93,6 +93,8 @@ fn taps(args: &ExportArgs) -> Result<bool> {
         bail!("--force does not go with taps: {} must be a new or empty folder", folder.display());
     }
     let archives = Archives::find(&args.archives, args.results.which())?;
+    // One that cannot be read is named below.
+    tap_format(format).check(archives.files.iter().filter_map(|file| Reader::open(&file.path).ok()))?;
     let mut work = Work::on(&archives);
     note_folder(folder);
     // If nothing can be read, no folder is left.

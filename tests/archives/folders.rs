@@ -76,11 +76,23 @@ fn taps_of_a_folder_are_one_tap_set() {
     fs::copy(sandbox.path("out/SIM-0001.h5"), sandbox.path("twice/SIM-0001.2.h5")).unwrap();
     let done = sandbox.run("export twice taps --out no").expect(1);
     assert!(done.err.contains("a tap set has each casing once") && !sandbox.path("no").exists(), "{done:?}");
-    sandbox.write("other.toml", &SCAN.replace("repetitions = 2", "repetitions = 1"));
+    sandbox.write("other.toml", &format!("{SCAN}re_inspect_rate = 0.01\n"));
     sandbox.run("run --config other.toml --out other").expect(0);
-    let done = sandbox.run("export out other taps --out no").expect(1);
-    let differ = "its options differ (scan.repetitions = 1 here, 2 there; scan.stations = 1 here, 3 there)";
+    let done = sandbox.run("-v export out other taps --out no").expect(1);
+    let differ = "its options differ (fuse.re_inspect_rate = 0.01 here, 0.02 there)";
     assert!(done.err.contains(differ) && !sandbox.path("no").exists(), "{done:?}");
+    assert!(!done.err.contains("reading "), "taps were read before all archives were checked: {done:?}");
+    // How taps were simulated affects no result of recorded ones.
+    let tyre = "seed = 7\n[[scan.tyre]]\nserial = \"OTHER\"\n[simulation]\nsample_count = 4096\n[fuse]";
+    sandbox.write("simulated.toml", &SCAN.replace("[fuse]", tyre));
+    sandbox.run("run --config simulated.toml --out simulated").expect(0);
+    sandbox.run("export out simulated taps --out all").expect(0);
+    sandbox.run("run --taps all --config all/config.toml --stations 3 --out together").expect(0);
+    for archives in ["out", "simulated"] {
+        let verdicts = |folder: &str| csv_rows(&sandbox.run(&format!("export {folder} verdicts")).expect(0).out);
+        let together = verdicts("together");
+        assert!(verdicts(archives).iter().all(|row| together.contains(row)), "{archives}: {together:?}");
+    }
 }
 
 /// Catches a file that was cut, and that one verb calls damaged and another unfinished, as if a line went on with it.

@@ -39,14 +39,20 @@ struct Alike {
     plan_digest: u64,
 }
 
+/// Options of simulated taps: they affect no result of taps that are recorded.
+const OF_SIMULATED_TAPS: [&str; 2] = ["scan.", "simulation."];
+
 /// The first options that differ in two texts of [`Reader::made_by`], or that only one has: `fuse.reject_rate = 0.01 here, 0.001 there`.
-/// The program that they were given to may differ. Empty if none does.
+/// The program that they were given to may differ, and how taps were simulated. Empty if none does.
 fn differing(here: &str, there: &str) -> String {
     const MOST: usize = 3;
     /// Bytes up to which two values are shown.
     const SHORT: usize = 80;
     let mut changes = lineage_changes(here, there);
-    changes.retain(|(key, ..)| key != "program" && !key.starts_with("sources."));
+    changes.retain(|(key, ..)| {
+        let is_simulated = OF_SIMULATED_TAPS.iter().any(|prefix| key.starts_with(prefix));
+        key != "program" && !key.starts_with("sources.") && !is_simulated
+    });
     let value = |of: &String| if of.is_empty() { "left out".to_owned() } else { of.clone() };
     let text = |(key, here, there): &(String, String, String)| match [here, there].map(value) {
         [here, there] if here.len() + there.len() <= SHORT => format!("{key} = {here} here, {there} there"),
@@ -96,32 +102,19 @@ impl Alike {
     }
 }
 
-/// A tap set of the taps of one archive or of many, added archive by archive. It appears when it is finished.
-#[derive(Debug)]
-pub(crate) struct TapSetFolder {
-    set: TapSetWriter,
-    truth: Option<csv::Writer<File>>,
+/// The archives of a tap set, as far as they must fit each other.
+#[derive(Debug, Default)]
+pub(crate) struct Members {
     alike: Option<Alike>,
     tyres: BTreeSet<Serial>,
-    archive_count: usize,
-    counts: TapCounts,
 }
 
-impl TapSetFolder {
-    /// Begins the tap set `folder`.
-    pub(crate) fn begin(folder: &Path) -> Result<Self> {
-        Ok(Self {
-            set: TapSetWriter::begin(folder)?,
-            truth: None,
-            alike: None,
-            tyres: BTreeSet::new(),
-            archive_count: 0,
-            counts: TapCounts::default(),
-        })
-    }
-
-    /// Checks that the archive fits the set.
-    fn check(&mut self, reader: &Reader) -> Result<()> {
+impl Members {
+    /// Checks that the archive fits those that were checked before.
+    ///
+    /// # Errors
+    /// [`Error::NoTapSet`] if it does not.
+    pub(crate) fn check(&mut self, reader: &Reader) -> Result<()> {
         for scan in reader.plan().scans() {
             let serial = scan.tyre.as_str();
             if serial.trim() != serial {
@@ -144,6 +137,29 @@ impl TapSetFolder {
             }
         }
         Ok(())
+    }
+}
+
+/// A tap set of the taps of one archive or of many, added archive by archive. It appears when it is finished.
+#[derive(Debug)]
+pub(crate) struct TapSetFolder {
+    set: TapSetWriter,
+    truth: Option<csv::Writer<File>>,
+    members: Members,
+    archive_count: usize,
+    counts: TapCounts,
+}
+
+impl TapSetFolder {
+    /// Begins the tap set `folder`.
+    pub(crate) fn begin(folder: &Path) -> Result<Self> {
+        Ok(Self {
+            set: TapSetWriter::begin(folder)?,
+            truth: None,
+            members: Members::default(),
+            archive_count: 0,
+            counts: TapCounts::default(),
+        })
     }
 
     fn add_truth(&mut self, reader: &Reader) -> Result<()> {
@@ -171,7 +187,7 @@ impl TapSetFolder {
 impl TapFolder for TapSetFolder {
     fn add(&mut self, reader: &Reader, on_part: &dyn Fn(f64)) -> Result<()> {
         let plan = reader.plan();
-        self.check(reader)?;
+        self.members.check(reader)?;
         let taps = Taps::new(reader, on_part);
         let names = scan_names(plan, |name| self.set.draft.has(name));
         for (row, &scan) in (0..).zip(&plan.scan_of_tap()) {
@@ -190,7 +206,7 @@ impl TapFolder for TapSetFolder {
     }
 
     fn finish(self: Box<Self>) -> Result<TapCounts> {
-        let Self { mut set, truth, alike, archive_count, counts, .. } = *self;
+        let Self { mut set, truth, members: Members { alike, .. }, archive_count, counts } = *self;
         if let Some(mut truth) = truth {
             truth.flush().map_err(|error| Error::Csv(error.into()))?;
         }
