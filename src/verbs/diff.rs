@@ -15,9 +15,9 @@ use crate::archives::{ArchiveFile, Archives, Which, Work};
 use crate::config::lineage::shown_value;
 use crate::verbs::explain::print;
 
-/// Prints what changed from the results at `before` to those at `after`: lineage first, then numbers. The casings of two folders
-/// are paired by their paths in these, as serials repeat from day to day; beside a single file, only the casing of its name counts in
-/// the other's folder. `which` says which files of the folder `after` are taken.
+/// Prints what changed from the results at `before` to those at `after`: lineage first, then numbers. Casings of folders that are the
+/// same are only counted. The casings of two folders are paired by their paths in these, as serials repeat from day to day; beside a
+/// single file, only the casing of its name counts in the other's folder. `which` says which files of the folder `after` are taken.
 pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> Result<bool> {
     if !before.is_dir() && !after.is_dir() {
         let difference = Difference::between(before, after)?;
@@ -37,7 +37,7 @@ pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> 
     };
     befores.is_many = true;
     let mut work = Work::on(&befores);
-    let (mut compared_count, mut changed) = (0, Vec::new());
+    let (mut compared_count, mut same_count, mut changed) = (0, 0, Vec::new());
     for file in &befores.files {
         work.begin(file);
         let Some(other) = partners.remove(&key(file)) else {
@@ -47,10 +47,12 @@ pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> 
         };
         let Some(difference) = work.take(file, Difference::between(&file.path, &other.path))? else { continue };
         compared_count += 1;
+        same_count += usize::from(difference.is_none());
         let of_verdicts = difference.shoulders.iter().filter_map(ShoulderDifference::verdict_change);
-        changed.extend(of_verdicts.map(|change| format!("{}: {change}\n", file.path.display())));
+        changed.extend(of_verdicts.map(|change| format!("{}: {change}", file.path.display())));
         let text = match as_json {
             true => line_of(&difference)?,
+            false if difference.is_none() => continue,
             false => format!("{} -> {}\n{difference}", file.path.display(), other.path.display()),
         };
         work.beside(|| print(&text))?;
@@ -59,11 +61,22 @@ pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> 
         work.beside(|| alone(file))?;
         work.note(false);
     }
-    if !as_json {
-        let casings = counted(compared_count, "casing", "casings");
-        let verdicts = counted(changed.len(), "verdict differs", "verdicts differ");
-        work.beside(|| print(&format!("{casings} compared: {verdicts}\n{}", changed.concat())))?;
-    }
+    let text = match as_json {
+        true => {
+            let of_all = json!({
+                "kind": "summary", "compared": compared_count, "same": same_count, "verdicts_differ": changed,
+            });
+            format!("{of_all}\n")
+        }
+        false => {
+            let casings = counted(compared_count, "casing", "casings");
+            let same = counted(same_count, "is the same", "are the same");
+            let verdicts = counted(changed.len(), "verdict differs", "verdicts differ");
+            let lines: String = changed.iter().map(|change| format!("{change}\n")).collect();
+            format!("{casings} compared: {same}, {verdicts}\n{lines}")
+        }
+    };
+    work.beside(|| print(&text))?;
     work.end()
 }
 
@@ -129,6 +142,13 @@ struct ShoulderDifference {
 }
 
 impl ShoulderDifference {
+    /// Whether nothing differs.
+    fn is_none(&self) -> bool {
+        self.verdict_before == self.verdict_after
+            && self.reasons_before == self.reasons_after
+            && self.locations_differ == 0
+    }
+
     /// How its verdict changed, for people; `None` if it did not.
     fn verdict_change(&self) -> Option<String> {
         let word = |verdict: &Option<String>| verdict.clone().unwrap_or_else(|| "not judged".to_owned());
@@ -171,6 +191,18 @@ impl Difference {
             flags_differ: both().filter(|(a, b)| a.quality != b.quality).count(),
             shoulders: judged.map(|((scan, a), b)| ShoulderDifference::of(scan, a.as_ref(), b.as_ref())).collect(),
         })
+    }
+
+    /// Whether nothing differs.
+    fn is_none(&self) -> bool {
+        self.is_lineage_same
+            && self.is_raw_same
+            && self.is_recorded_alike
+            && self.is_reference_same
+            && self.taps_alone == 0
+            && self.flags_differ == 0
+            && self.discriminators.iter().all(|discriminator| discriminator.differ == 0)
+            && self.shoulders.iter().all(ShoulderDifference::is_none)
     }
 }
 

@@ -180,7 +180,13 @@ fn results_are_taken_when_they_are_asked_for() {
     let (before, lines) = (csv_rows(&before), changed.lines().rev().take_while(|line| !line.contains(" compared: ")));
     let verdicts_differ = before.iter().zip(&after).filter(|(before, after)| before["verdict"] != after["verdict"]);
     assert_eq!(lines.filter(|line| line.contains(" -> ")).count(), verdicts_differ.count(), "{changed}");
-    assert!(changed.contains("\n3 casings compared: "), "{changed}");
+    assert!(changed.contains("\n3 casings compared: 0 are the same, "), "{changed}");
+    let lines = sandbox.run("diff out out --results --json").expect(0).out;
+    let summary: serde_json::Value = serde_json::from_str(lines.lines().last().unwrap()).unwrap();
+    let listed = summary["verdicts_differ"].as_array().unwrap();
+    assert_eq!((lines.lines().count(), &summary["compared"], &summary["same"]), (4, &3.into(), &0.into()), "{lines}");
+    assert!(listed.iter().all(|change| changed.ends_with('\n') && changed.contains(change.as_str().unwrap())));
+    assert!(changed.contains(&format!("0 are the same, {} verdict", listed.len())), "{changed} {summary}");
     let said = sandbox.run("explain out --shoulder SIM-0003/1 --results").expect(0).out;
     assert!(said.starts_with("out/SIM-0003.") && said.matches("lineage").count() == 1, "{said}");
     // Those that are asked for again are the newest again.
@@ -227,13 +233,14 @@ fn casings_of_one_name_differ_by_their_days() {
         fs::copy(sandbox.path(&format!("out/{from}.h5")), sandbox.path(&format!("day/{to}.h5"))).unwrap();
     }
     let changed = sandbox.run("diff day day").expect(0).out;
-    assert_eq!(changed.matches("lineage    the same").count(), 3, "{changed}");
-    assert!(changed.contains("day/2026-11-23/A.h5 -> day/2026-11-23/A.h5"), "{changed}");
+    assert_eq!(changed, "3 casings compared: 3 are the same, 0 verdicts differ\n");
+    let pairs = sandbox.run("diff day day --json").expect(0).out;
+    assert!(pairs.contains("{\"before\":\"day/2026-11-23/A.h5\",\"after\":\"day/2026-11-23/A.h5\","), "{pairs}");
     let refused = sandbox.run("diff day day/2026-11-23/A.h5").expect(1).err;
     assert!(refused.contains("may be day/2026-11-23/A.h5 or day/2026-11-24/A.h5"), "{refused}");
     for pair in ["day/2026-11-24 day/2026-11-24/B.h5", "day/2026-11-24/B.h5 day/2026-11-24"] {
         let changed = sandbox.run(&format!("diff {pair}")).expect(0).out;
-        assert!(changed.contains("lineage    the same") && !changed.contains("partner"), "{pair}: {changed}");
+        assert_eq!(changed, "1 casing compared: 1 is the same, 0 verdicts differ\n", "{pair}");
     }
     for named in ["day/2026-11-23/A.h5 day/2026-11-24/A.h5", "day/2026-11-23 day/2026-11-24/A.h5"] {
         let rows = csv_rows(&sandbox.run(&format!("export {named} verdicts")).expect(0).out);

@@ -44,6 +44,7 @@ fn the_page_has_the_shapes_of_every_verb() {
         ("repack: an archive", "repack x/SIM-0001.h5 --codec none --out y.h5 --json"),
         ("explain: an archive", "explain x/SIM-0001.h5 --shoulder SIM-0001/1 --location 3 --json"),
         ("diff: a pair", "diff x/SIM-0001.h5 x/SIM-0001.h5 --json"),
+        ("diff: the end, of folders", "diff x x --json"),
         ("report: a page", "report x --out pages --json"),
         (
             "calibrate: a channel",
