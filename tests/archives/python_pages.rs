@@ -5,7 +5,7 @@ use std::fs;
 use std::process::Command;
 
 use crate::sandbox::Sandbox;
-use crate::sandbox::archives::names;
+use crate::sandbox::archives::{bend, names};
 use tapline_testing::documents::{csv_rows, docs, text};
 use tapline_testing::program::Done;
 
@@ -84,6 +84,32 @@ fn reading_archives_runs_as_it_stands() {
     assert!(picture.starts_with(b"\x89PNG") && picture.len() > 10_000, "{} bytes", picture.len());
     let kept = docs("reading-archives.png").metadata().unwrap().len();
     assert!((10_000..150_000).contains(&kept), "{kept} bytes are committed");
+}
+
+/// Catches a page that rescues no taps of an archive that the program refuses, or takes altered ones.
+#[test]
+fn taps_of_a_damaged_archive_are_rescued_as_the_page_says() {
+    let Some(python) = tapline_testing::python_with("h5py, hdf5plugin, pandas, blake3") else { return };
+    let sandbox = scanned();
+    let page = text(&docs("reading-archives.md"));
+    let first = page.split("## Every tap").next().unwrap();
+    let rescue = page.split("## Rescue taps").nth(1).unwrap().split("\n## ").next().unwrap();
+    let rescued = |name| run_code(&sandbox, &python, name, &python_of(&format!("{first}{rescue}")));
+    let count = csv_rows(&sandbox.run("export run.h5 discriminators").expect(0).out).len();
+    let said = rescued("whole.py");
+    assert!(said.ends_with(&format!("rescued {count} taps\n")), "{said}");
+    // A byte of a table, for which every verb refuses the file, and one of the samples of tap 5.
+    bend(&sandbox.path("run.h5"), "discriminators", 700);
+    let chunk =
+        hdf5::File::open(sandbox.path("run.h5")).unwrap().dataset("taps/samples").unwrap().chunk_info(5).unwrap();
+    let mut bytes = fs::read(sandbox.path("run.h5")).unwrap();
+    bytes[usize::try_from(chunk.addr + chunk.size / 2).unwrap()] ^= 16;
+    fs::write(sandbox.path("run.h5"), bytes).unwrap();
+    sandbox.run("export run.h5 taps --out taps").expect(1);
+    let said = rescued("damaged.py");
+    assert!(said.ends_with(&format!("rescued {} taps\n", count - 1)), "{said}");
+    let bytes = (count - 1) * 2 * 2048 * 2;
+    assert!(sandbox.path("rescued.npz").metadata().unwrap().len() > bytes as u64);
 }
 
 /// Catches a page that computes checksums differently from the program, or finds no damage.
