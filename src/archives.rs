@@ -10,7 +10,7 @@ use std::thread::{Builder, available_parallelism, scope};
 
 use anyhow::{Context as _, Result, bail};
 use crossbeam::channel::bounded;
-use tapline_host::messages::print_line;
+use tapline_host::messages::{counted, print_line};
 use tapline_host::progress::{Progress, Unit};
 use tapline_store::{Folder, Reader, archive_of};
 
@@ -207,10 +207,25 @@ fn shared_by(folders: &[PathBuf]) -> PathBuf {
 }
 
 fn nothing_in(folder: &Path, which: Which) -> String {
+    let finished = Folder::list(folder).unwrap_or_default().finished;
     let folder = folder.display();
-    match which {
-        Which::Results => format!("{folder} has no results of tapline reprocess"),
-        Which::Casings | Which::All => format!("{folder} has no finished archive (NAME.h5)"),
+    // If an archive was renamed, its results keep the name that it had.
+    let without_archive = |path: &&PathBuf| {
+        let is_gone = archive_of(path).is_some_and(|archive| !archive.exists());
+        is_gone && tapline_store::has_results(path)
+    };
+    let left: Vec<&PathBuf> = finished.iter().filter(without_archive).collect();
+    match (which, &left[..]) {
+        (Which::Results, [first, ..]) => {
+            let archive = archive_of(first).unwrap_or_default();
+            let (count, first) = (counted(left.len(), "file of results", "files of results"), first.display());
+            format!(
+                "{folder} has {count} of tapline reprocess, but not their archives: {first} has those of {}, which is not there",
+                archive.display()
+            )
+        }
+        (Which::Results, []) => format!("{folder} has no results of tapline reprocess"),
+        (Which::Casings | Which::All, _) => format!("{folder} has no finished archive (NAME.h5)"),
     }
 }
 

@@ -187,6 +187,15 @@ fn results_are_taken_when_they_are_asked_for() {
     assert_eq!((lines.lines().count(), &summary["compared"], &summary["same"]), (4, &3.into(), &0.into()), "{lines}");
     assert!(listed.iter().all(|change| changed.ends_with('\n') && changed.contains(change.as_str().unwrap())));
     assert!(changed.contains(&format!("0 are the same, {} verdict", listed.len())), "{changed} {summary}");
+    // The archives of results that are the only ones here have another name.
+    fs::create_dir(sandbox.path("renamed")).unwrap();
+    fs::copy(sandbox.path("out/SIM-0001.h5"), sandbox.path("renamed/FIRST.h5")).unwrap();
+    let results =
+        names(&sandbox.path("out")).into_iter().find(|name| name.starts_with("SIM-0001.") && name.len() > 11).unwrap();
+    fs::copy(sandbox.path(&format!("out/{results}")), sandbox.path(&format!("renamed/{results}"))).unwrap();
+    let refused = sandbox.run("export renamed verdicts --results").expect(1).err;
+    let gone = format!("renamed/{results} has those of renamed/SIM-0001.h5, which is not there");
+    assert!(refused.contains("1 file of results") && refused.contains(&gone), "{refused}");
     let said = sandbox.run("explain out --shoulder SIM-0003/1 --results").expect(0).out;
     assert!(said.starts_with("out/SIM-0003.") && said.matches("lineage").count() == 1, "{said}");
     // Those that are asked for again are the newest again.
