@@ -4,11 +4,11 @@
 //! like an archive.
 
 use std::fs::File;
-use std::io::Write as _;
+use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
-use std::thread::{Builder, scope};
+use std::thread::{Builder, scope, sleep};
 use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Context as _, Result, bail, ensure};
@@ -30,6 +30,10 @@ use crate::config::reference::{Fusions, KeptReferences, ReferenceFile};
 
 /// Most threads that may be asked for.
 const JOBS_MAX: usize = 1024;
+
+/// How long another process that makes the same results is waited for, and how many times.
+const WAIT: Duration = Duration::from_millis(50);
+const WAITS_MAX: u32 = 200;
 
 /// Taps that a thread takes at a time.
 const TAPS_AT_A_TIME: u32 = 16;
@@ -180,13 +184,35 @@ struct Made {
 fn again(archive: &Path, asked: &Asked) -> Result<Results> {
     let task = Task::new(archive, asked)?;
     note_folder(&task.out);
-    let made = match made_before(&task)? {
-        Some((results, is_newest)) => {
-            Made { is_complete: is_newest && is_complete(&results), tap_count: 0, is_from_samples: false }
-        }
-        None => make(&task, asked)?,
-    };
+    let made = make_once(&task, asked)?;
     Ok(Results { path: task.out, lineage_key: task.lineage_key, made })
+}
+
+/// Makes the results of `task`, unless they are there. If another process is making them they are waited for.
+fn make_once(task: &Task, asked: &Asked) -> Result<Made> {
+    for _ in 0..WAITS_MAX {
+        if let Some((results, is_newest)) = made_before(task)? {
+            let is_complete = is_newest && is_complete(&results);
+            return Ok(Made { is_complete, tap_count: 0, is_from_samples: false });
+        }
+        match make(task, asked) {
+            Err(error) if is_made_elsewhere(&error) => sleep(WAIT),
+            made => return made,
+        }
+    }
+    bail!(
+        "another process has {} open, and has not finished it in {} s",
+        task.out.display(),
+        (WAIT * WAITS_MAX).as_secs()
+    )
+}
+
+/// Whether `error` says that another process has made the same results meanwhile, or is making them.
+fn is_made_elsewhere(error: &anyhow::Error) -> bool {
+    use tapline_store::Error;
+    let is_locked = |cause: &std::io::Error| cause.kind() == ErrorKind::WouldBlock;
+    matches!(error.downcast_ref(), Some(Error::Exists { .. } | Error::Finished { .. } | Error::InUse { .. }))
+        || error.chain().filter_map(|cause| cause.downcast_ref()).any(is_locked)
 }
 
 /// The results of `task`, if they are finished already, and whether they could be made the newest again, which the other verbs take.

@@ -1,6 +1,7 @@
 //! `tapline reprocess`, `explain` and `diff`: new results beside archives, and the origin of numbers.
 
 use std::fs::{self, OpenOptions};
+use std::io::BufRead as _;
 use std::os::unix::fs::FileExt as _;
 use std::os::unix::process::ExitStatusExt as _;
 use std::path::PathBuf;
@@ -209,6 +210,23 @@ fn what_was_killed_goes_on() {
     assert!(was_cut, "none was cut in the middle");
     assert_eq!(again(&sandbox, "run.h5 --from-samples"), whole);
     assert_same(&contents(&whole), &bytes);
+}
+
+/// Catches an archive that counts as failed because another process is judging it again, or has just done so.
+#[test]
+fn two_processes_share_the_work() {
+    let (sandbox, archive) = scanned();
+    fs::create_dir(sandbox.path("x")).unwrap();
+    (0..12).for_each(|k| drop(fs::copy(&archive, sandbox.path(&format!("x/{k}.h5"))).unwrap()));
+    let start = || {
+        let mut command = sandbox.command("reprocess x --from-samples --jobs 2");
+        command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+    };
+    for done in [start(), start()].map(|child| child.wait_with_output().unwrap()) {
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        assert_eq!(done.stdout.lines().count(), 12);
+    }
+    sandbox.run("verify x").expect(0);
 }
 
 /// Catches a program that dies by a signal, or that mistakes the rest for everything, when the archive that it reads is
