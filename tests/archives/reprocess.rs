@@ -217,7 +217,9 @@ fn what_was_killed_goes_on() {
 fn two_processes_share_the_work() {
     let (sandbox, archive) = scanned();
     fs::create_dir(sandbox.path("x")).unwrap();
-    (0..12).for_each(|k| drop(fs::copy(&archive, sandbox.path(&format!("x/{k}.h5"))).unwrap()));
+    for k in 0..12 {
+        fs::copy(&archive, sandbox.path(&format!("x/{k}.h5"))).unwrap();
+    }
     let start = || {
         let mut command = sandbox.command("reprocess x --from-samples --jobs 2");
         command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
