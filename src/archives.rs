@@ -14,7 +14,8 @@ use tapline_host::messages::{counted, print_line};
 use tapline_host::progress::{Progress, Unit};
 use tapline_store::{Folder, Reader, archive_of};
 
-use crate::config::reference::differences;
+/// Files for each thread before all of them are waited for: their results are kept until those of the files before them are taken.
+const AHEAD: usize = 8;
 
 /// Which files of a folder a verb takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -118,35 +119,7 @@ impl Archives {
         work: impl Fn(&ArchiveFile) -> T + Sync,
         mut take: impl FnMut(&ArchiveFile, T) -> Result<()>,
     ) -> Result<()> {
-        let next = AtomicUsize::new(0);
-        let (send, receive) = bounded(jobs);
-        scope(|threads| {
-            for number in 0..jobs.min(self.files.len()) {
-                let (send, next, work) = (send.clone(), &next, &work);
-                let work = move || {
-                    loop {
-                        let number = next.fetch_add(1, Ordering::Relaxed);
-                        let Some(file) = self.files.get(number) else { return };
-                        // After an error of `take` nobody receives.
-                        if send.send((number, work(file))).is_err() {
-                            return;
-                        }
-                    }
-                };
-                let thread = Builder::new().name(format!("archive-{number}"));
-                thread.spawn_scoped(threads, work).context("cannot start a thread")?;
-            }
-            drop(send);
-            let (mut early, mut due) = (BTreeMap::new(), self.files.iter().zip(0..).peekable());
-            for (number, done) in receive {
-                early.insert(number, done);
-                while let Some((file, done)) = due.peek().and_then(|&(file, due)| Some((file, early.remove(&due)?))) {
-                    due.next();
-                    take(file, done)?;
-                }
-            }
-            Ok(())
-        })
+        self.files.chunks(AHEAD * jobs).try_for_each(|files| work_on_some(files, jobs, &work, &mut take))
     }
 
     /// The files of `folder`.
@@ -156,10 +129,9 @@ impl Archives {
             Which::Casings => here.sorted().archives,
             Which::Results => {
                 let sorted = here.sorted();
-                let newest = sorted.newest_results();
-                let mixed = (newest.len() < sorted.results.len()).then(|| mixed(&newest)).flatten();
-                sorted.without_results(folder).iter().chain(&mixed).for_each(|remark| tracing::warn!("{remark}"));
-                newest
+                let remarks = [sorted.without_results(folder), sorted.mixed_results(folder)];
+                remarks.iter().flatten().for_each(|remark| tracing::warn!("{remark}"));
+                sorted.newest_results()
             }
             Which::All => here.finished,
         };
@@ -175,21 +147,46 @@ impl Archives {
     }
 }
 
-/// The remark if results, each the newest of a casing that may have several, were not all made by the same options and reference.
-fn mixed(newest: &[PathBuf]) -> Option<String> {
-    let of = |path: &PathBuf| {
-        let reader = Reader::open(path).ok()?;
-        let lines = reader.made_by().lines().filter(|line| line.starts_with("fuse.") || line.starts_with("process."));
-        Some((path.display().to_string(), lines.collect::<Vec<_>>().join("\n"), reader.reference().map(str::to_owned)))
-    };
-    let mut all = newest.iter().filter_map(of);
-    let (first, options, reference) = all.next()?;
-    let (other, others, _) = all.find(|(_, others, by)| (others, by) != (&options, &reference))?;
-    let difference = if others == options { "the reference".to_owned() } else { differences(&options, &others) };
-    Some(format!(
-        "the newest results are not all of one kind: {first} there and {other} here differ in {difference}. The newest are those whose file \
-         has the latest time, which not every copy keeps. Judge all casings again with the options that you want"
-    ))
+/// [`Archives::work_on`] these `files`, whose results may wait for one another.
+///
+/// Not by rayon, which fits references: a thread of its pool that waits for a fit, and holds the lock of the reference meanwhile, may be
+/// given the next file, which needs that lock.
+fn work_on_some<T: Send>(
+    files: &[ArchiveFile],
+    jobs: usize,
+    work: &(impl Fn(&ArchiveFile) -> T + Sync),
+    take: &mut impl FnMut(&ArchiveFile, T) -> Result<()>,
+) -> Result<()> {
+    let next = AtomicUsize::new(0);
+    let (send, receive) = bounded(jobs);
+    scope(|threads| {
+        for number in 0..jobs.min(files.len()) {
+            let (send, next) = (send.clone(), &next);
+            let work = move || {
+                loop {
+                    let number = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(file) = files.get(number) else { return };
+                    tracing::info!("reading {}", file.path.display());
+                    // After an error of `take` nobody receives.
+                    if send.send((number, work(file))).is_err() {
+                        return;
+                    }
+                }
+            };
+            let thread = Builder::new().name(format!("archive-{number}"));
+            thread.spawn_scoped(threads, work).context("cannot start a thread")?;
+        }
+        drop(send);
+        let (mut early, mut due) = (BTreeMap::new(), files.iter().zip(0..).peekable());
+        for (number, done) in receive {
+            early.insert(number, done);
+            while let Some((file, done)) = due.peek().and_then(|&(file, due)| Some((file, early.remove(&due)?))) {
+                due.next();
+                take(file, done)?;
+            }
+        }
+        Ok(())
+    })
 }
 
 /// The folder within which the files at `path` are named.
@@ -207,25 +204,25 @@ fn shared_by(folders: &[PathBuf]) -> PathBuf {
 }
 
 fn nothing_in(folder: &Path, which: Which) -> String {
-    let finished = Folder::list(folder).unwrap_or_default().finished;
-    let folder = folder.display();
+    if which != Which::Results {
+        return format!("{} has no finished archive (NAME.h5)", folder.display());
+    }
     // If an archive was renamed, its results keep the name that it had.
-    let without_archive = |path: &&PathBuf| {
-        let is_gone = archive_of(path).is_some_and(|archive| !archive.exists());
-        is_gone && tapline_store::has_results(path)
+    let without_archive = |path: &PathBuf| {
+        let archive = archive_of(path).filter(|archive| !archive.exists())?;
+        tapline_store::has_results(path).then(|| (path.clone(), archive))
     };
-    let left: Vec<&PathBuf> = finished.iter().filter(without_archive).collect();
-    match (which, &left[..]) {
-        (Which::Results, [first, ..]) => {
-            let archive = archive_of(first).unwrap_or_default();
-            let (count, first) = (counted(left.len(), "file of results", "files of results"), first.display());
-            format!(
-                "{folder} has {count} of tapline reprocess, but not their archives: {first} has those of {}, which is not there",
-                archive.display()
-            )
-        }
-        (Which::Results, []) => format!("{folder} has no results of tapline reprocess"),
-        (Which::Casings | Which::All, _) => format!("{folder} has no finished archive (NAME.h5)"),
+    let finished = Folder::list(folder).unwrap_or_default().finished;
+    let left: Vec<_> = finished.iter().filter_map(without_archive).collect();
+    match left.first() {
+        None => format!("{} has no results of tapline reprocess", folder.display()),
+        Some((first, archive)) => format!(
+            "{} has {} of tapline reprocess without an archive: {} has those of {}, which is not there",
+            folder.display(),
+            counted(left.len(), "file of results", "files of results"),
+            first.display(),
+            archive.display()
+        ),
     }
 }
 
@@ -406,13 +403,16 @@ mod tests {
                 order.push(done);
                 if order.len() < 60 { Ok(()) } else { bail!("enough") }
             };
+            let begun = AtomicUsize::new(0);
             // The first of each three takes longest.
             let work = |file: &ArchiveFile| {
+                begun.fetch_add(1, Ordering::Relaxed);
                 let number: u64 = file.path.to_str().unwrap().parse().unwrap();
                 std::thread::sleep(std::time::Duration::from_micros(300 * (2 - number % 3)));
                 file.path.clone()
             };
             assert_eq!(archives.work_on(jobs, work, take).unwrap_err().to_string(), "enough");
+            assert!(begun.into_inner() <= 60_usize.next_multiple_of(AHEAD * jobs), "{jobs}");
             assert!(order.iter().eq(archives.files[..60].iter().map(|file| &file.path)), "{jobs} {order:?}");
         }
     }

@@ -254,6 +254,10 @@ fn results_take_the_place_of_archives() {
     {
         assert!(done.err.contains(expected), "{expected}: {done:?}");
     }
+    // What is in no archive is an error all the same.
+    fs::write(sandbox.path("wrong.csv"), format!("{HEAD}{rows}D,1,,0,\n")).unwrap();
+    let refused = sandbox.run("pod casings --results --truth wrong.csv").expect(1).err;
+    assert!(refused.contains("wrong.csv line 5: tyre \"D\" is in none of the archives"), "{refused}");
     // Without the option results are not even opened.
     fs::write(results_path(&c, "cccccccccccc"), "no archive").unwrap();
     let found = tables(&sandbox, rows);

@@ -15,8 +15,8 @@ use crate::archives::{ArchiveFile, Archives, Which, Work};
 use crate::config::lineage::shown_value;
 use crate::verbs::explain::print;
 
-/// Prints what changed from the results at `before` to those at `after`: lineage first, then numbers. Casings of folders that are the
-/// same are only counted. The casings of two folders are paired by their paths in these, as serials repeat from day to day; beside a
+/// Prints what changed from the results at `before` to those at `after`: lineage first, then numbers. Casings of folders whose numbers
+/// are the same are only counted. The casings of two folders are paired by their paths in these, as serials repeat from day to day; beside a
 /// single file, only the casing of its name counts in the other's folder. `which` says which files of the folder `after` are taken.
 pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> Result<bool> {
     if !before.is_dir() && !after.is_dir() {
@@ -70,7 +70,7 @@ pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> 
         }
         false => {
             let casings = counted(compared_count, "casing", "casings");
-            let same = counted(same_count, "is the same", "are the same");
+            let same = counted(same_count, "has the same numbers", "have the same numbers");
             let verdicts = counted(changed.len(), "verdict differs", "verdicts differ");
             let lines: String = changed.iter().map(|change| format!("{change}\n")).collect();
             format!("{casings} compared: {same}, {verdicts}\n{lines}")
@@ -173,9 +173,11 @@ impl Difference {
         }
         let (found_a, found_b) = (a.discriminators()?, b.discriminators()?);
         let both = || found_a.iter().zip(&found_b).filter_map(|(a, b)| Some((a.as_ref()?, b.as_ref()?)));
-        let shown = |(key, before, after): (String, String, String)| {
-            let [before, after] = [(before, &a), (after, &b)].map(|(value, of)| shown_value(&key, value, of.plan()));
-            (key, before, after)
+        let shown = |(key, before, after): (String, String, String)| match [(before, &a), (after, &b)]
+            .map(|(value, of)| shown_value(&key, value, of.plan()))
+        {
+            [before, after] if before == after => (key, "entries of other casings".to_owned(), "changed".to_owned()),
+            [before, after] => (key, before, after),
         };
         let judged = a.plan().scans().iter().zip(a.judgements()?).zip(b.judgements()?);
         Ok(Self {
@@ -193,12 +195,10 @@ impl Difference {
         })
     }
 
-    /// Whether nothing differs.
+    /// Whether no number and no verdict differs.
     fn is_none(&self) -> bool {
-        self.is_lineage_same
-            && self.is_raw_same
+        self.is_raw_same
             && self.is_recorded_alike
-            && self.is_reference_same
             && self.taps_alone == 0
             && self.flags_differ == 0
             && self.discriminators.iter().all(|discriminator| discriminator.differ == 0)

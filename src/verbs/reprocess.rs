@@ -9,18 +9,19 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread::{Builder, scope, sleep};
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail, ensure};
 use crossbeam::channel::{Sender, bounded};
+use rustix::fs::{Timespec, Timestamps, UTIME_NOW, UTIME_OMIT, futimens};
 use serde_json::json;
 use tapline_fuse::{FuseConfig, Fusion, Reference};
 use tapline_host::messages::{counted, say};
 use tapline_host::signals::note_folder;
 use tapline_host::stdout::Stdout;
 use tapline_process::{ProcessConfig, ProcessExtractor};
-use tapline_store::{Lineage, PutOutcome, ReadBuffer, Reader, Taps, Writer, lineage_key, results_path};
-use tapline_wire::{Discriminators, ScanState, TapHeader, TapState, now_ns};
+use tapline_store::{Error, Lineage, PutOutcome, ReadBuffer, Reader, Taps, Writer, lineage_key, results_path};
+use tapline_wire::{Discriminators, ScanState, TapHeader, TapState};
 
 use crate::archives::{ArchiveFile, Archives, Which, Work, cores};
 use crate::cli::archives::ReprocessArgs;
@@ -31,9 +32,15 @@ use crate::config::reference::{Fusions, KeptReferences, ReferenceFile};
 /// Most threads that may be asked for.
 const JOBS_MAX: usize = 1024;
 
-/// How long another process that makes the same results is waited for, and how many times.
+/// Time between two looks for results that another process is making.
 const WAIT: Duration = Duration::from_millis(50);
-const WAITS_MAX: u32 = 200;
+
+/// Time after which no further look begins.
+const WAITED_MAX: Duration = Duration::from_secs(30);
+
+/// What a time of a file becomes: the present, or nothing else than it is.
+const NOW: Timespec = Timespec { tv_sec: 0, tv_nsec: UTIME_NOW };
+const OMIT: Timespec = Timespec { tv_sec: 0, tv_nsec: UTIME_OMIT };
 
 /// Taps that a thread takes at a time.
 const TAPS_AT_A_TIME: u32 = 16;
@@ -49,7 +56,7 @@ pub(crate) fn reprocess(args: &ReprocessArgs) -> Result<bool> {
     ensure!(jobs <= JOBS_MAX, "--jobs is {jobs}; at most {JOBS_MAX} threads are started");
     let archives = Archives::find(&args.archives, Which::Casings)?;
     // Where there are fewer archives than threads, the taps of each are shared among several.
-    let asked = Asked::new(args, jobs / archives.files.len().clamp(1, jobs))?;
+    let asked = Asked::new(args, jobs.div_ceil(archives.files.len().clamp(1, jobs)))?;
     let mut work = Work::on(&archives);
     let (begin, mut tap_count, mut read_count) = (Instant::now(), 0, 0);
     let judge_again = |file: &ArchiveFile| {
@@ -59,7 +66,7 @@ pub(crate) fn reprocess(args: &ReprocessArgs) -> Result<bool> {
         work.note_done(file);
         if let Some(results) = work.take(file, done)? {
             work.beside(|| print(args, &file.path, &results))?;
-            work.note(results.made.is_complete);
+            work.note(results.made.is_complete && results.made.is_newest);
             tap_count += results.made.tap_count;
             read_count += usize::from(results.made.is_from_samples);
         }
@@ -176,6 +183,8 @@ struct Results {
 struct Made {
     /// Whether every tap is settled, and every shoulder judged.
     is_complete: bool,
+    /// Whether the other verbs will take it.
+    is_newest: bool,
     /// How many taps had no results before.
     tap_count: usize,
     is_from_samples: bool,
@@ -190,43 +199,55 @@ fn again(archive: &Path, asked: &Asked) -> Result<Results> {
 
 /// Makes the results of `task`, unless they are there. If another process is making them they are waited for.
 fn make_once(task: &Task, asked: &Asked) -> Result<Made> {
-    for _ in 0..WAITS_MAX {
-        if let Some((results, is_newest)) = made_before(task)? {
-            let is_complete = is_newest && is_complete(&results);
-            return Ok(Made { is_complete, tap_count: 0, is_from_samples: false });
+    let begin = Instant::now();
+    loop {
+        if let Some(made) = made_before(task)? {
+            return Ok(made);
         }
         match make(task, asked) {
-            Err(error) if is_made_elsewhere(&error) => sleep(WAIT),
+            Err(error) if is_made_elsewhere(&error) && begin.elapsed() < WAITED_MAX => {
+                tracing::info!("{error:#}; it is waited for");
+                sleep(WAIT);
+            }
             made => return made,
         }
     }
-    bail!(
-        "another process has {} open, and has not finished it in {} s",
-        task.out.display(),
-        (WAIT * WAITS_MAX).as_secs()
-    )
 }
 
 /// Whether `error` says that another process has made the same results meanwhile, or is making them.
 fn is_made_elsewhere(error: &anyhow::Error) -> bool {
-    use tapline_store::Error;
     let is_locked = |cause: &std::io::Error| cause.kind() == ErrorKind::WouldBlock;
     matches!(error.downcast_ref(), Some(Error::Exists { .. } | Error::Finished { .. } | Error::InUse { .. }))
         || error.chain().filter_map(|cause| cause.downcast_ref()).any(is_locked)
 }
 
-/// The results of `task`, if they are finished already, and whether they could be made the newest again, which the other verbs take.
-fn made_before(task: &Task) -> Result<Option<(Reader, bool)>> {
-    let Ok(results) = Reader::open(&task.out) else { return Ok(None) };
-    if !results.is_results() || results.lineage_key()? != task.lineage_key {
-        return Ok(None);
-    }
-    let now = SystemTime::UNIX_EPOCH + Duration::from_nanos(now_ns().unsigned_abs());
-    let touched = File::open(&task.out).and_then(|file| file.set_modified(now));
+/// The results of `task`, if they are finished already. They become the newest again, which the other verbs take.
+fn made_before(task: &Task) -> Result<Option<Made>> {
+    let results = match Reader::open(&task.out) {
+        Ok(results) => results,
+        // It is being made, or will be made again.
+        Err(Error::NotFinished { .. } | Error::InUse { .. } | Error::Damaged { .. } | Error::NotHdf5 { .. }) => {
+            return Ok(None);
+        }
+        Err(_) if !task.out.exists() => return Ok(None),
+        Err(error) => return Err(error.into()),
+    };
+    ensure!(
+        results.is_results() && results.lineage_key()? == task.lineage_key,
+        "{} is there already, and has something else",
+        task.out.display()
+    );
+    let now = Timestamps { last_access: OMIT, last_modification: NOW };
+    let touched = File::open(&task.out).and_then(|file| Ok(futimens(file, &now)?));
     if let Err(error) = &touched {
         tracing::error!("{}: cannot be made the newest results: {error}", task.out.display());
     }
-    Ok(Some((results, touched.is_ok())))
+    Ok(Some(Made {
+        is_complete: is_complete(&results),
+        is_newest: touched.is_ok(),
+        tap_count: 0,
+        is_from_samples: false,
+    }))
 }
 
 /// Makes the results of `task`.
@@ -256,6 +277,7 @@ fn make(task: &Task, asked: &Asked) -> Result<Made> {
     judge(reader, &mut writer, &mut fusion)?;
     let made = Made {
         is_complete: writer.is_complete(),
+        is_newest: true,
         tap_count: settled(&writer) - settled_before,
         is_from_samples: !is_old,
     };

@@ -14,6 +14,7 @@ use jiff::civil::Date;
 
 use crate::error::{Context as _, Error, Result};
 use crate::file::{ENDING, LEFT_FOLDER, OPEN_FOLDER};
+use crate::format::lineage::lineage_change;
 use crate::read::reader::Reader;
 
 /// Hexadecimal digits of the lineage in the name of a file of results.
@@ -49,6 +50,8 @@ pub struct Results {
     pub archive: PathBuf,
     /// Whether nothing says that a judgement was stopped before its end.
     pub is_finished: bool,
+    /// The options by which its taps were analysed and judged, and the digest of its reference; empty if it cannot be read.
+    made_with: String,
 }
 
 /// A finished file of a line.
@@ -104,7 +107,8 @@ impl Folder {
             match archive.map(|archive| (archive, Reader::open(path))) {
                 Some((archive, opened)) if opened.as_ref().map_or(true, Reader::is_results) => {
                     let is_finished = !matches!(opened, Err(Error::NotFinished { .. }));
-                    sorted.results.push(Results { path: path.clone(), archive, is_finished });
+                    let made_with = opened.as_ref().map(made_with).unwrap_or_default();
+                    sorted.results.push(Results { path: path.clone(), archive, is_finished, made_with });
                 }
                 _ => sorted.archives.push(path.clone()),
             }
@@ -118,7 +122,7 @@ impl Sorted {
     /// was stopped hides none that went before.
     pub fn newest_results(&self) -> Vec<PathBuf> {
         let mut newest: BTreeMap<PathBuf, ((bool, SystemTime), &Path)> = BTreeMap::new();
-        for Results { path, archive, is_finished } in &self.results {
+        for Results { path, archive, is_finished, .. } in &self.results {
             let at = path.metadata().and_then(|there| there.modified()).unwrap_or(SystemTime::UNIX_EPOCH);
             let rank = (*is_finished, at);
             // Each job of `tapline-query reprocess` has a link of its own to an archive.
@@ -138,6 +142,33 @@ impl Sorted {
         (0 < with && with < all)
             .then(|| format!("{folder}: {} of {all} archives have no results and are left out", all - with))
     }
+
+    /// The remark if the newest results in `folder` were not all made by the same options and reference, with the first two that
+    /// differ.
+    pub fn mixed_results(&self, folder: &Path) -> Option<String> {
+        let newest: BTreeSet<PathBuf> = self.newest_results().into_iter().collect();
+        let is_read = |results: &&Results| newest.contains(&results.path) && !results.made_with.is_empty();
+        let mut all = self.results.iter().filter(is_read);
+        let first = all.next()?;
+        let other = all.find(|other| other.made_with != first.made_with)?;
+        let (of_first, of_other) = lineage_change(&first.made_with, &other.made_with);
+        let name = |results: &Results| results.path.strip_prefix(folder).unwrap_or(&results.path).display().to_string();
+        Some(format!(
+            "{}: the newest results were not all made alike: {} with {of_first}, {} with {of_other}",
+            folder.display(),
+            name(first),
+            name(other)
+        ))
+    }
+}
+
+/// The options that decide the results in `reader`, and the digest of its reference, a line each.
+fn made_with(reader: &Reader) -> String {
+    let is_of = |line: &&str| line.starts_with("fuse.") || line.starts_with("process.");
+    let mut lines: Vec<String> = reader.made_by().lines().filter(is_of).map(str::to_owned).collect();
+    let reference = reader.reference().map(|text| blake3::hash(text.as_bytes()).to_hex());
+    lines.extend(reference.map(|digest| format!("reference file = {}", &digest[..KEY_DIGITS])));
+    lines.join("\n")
 }
 
 /// The archives in the output folder `out` of a line that were finished last, at most `most`, the newest first. Results of `tapline

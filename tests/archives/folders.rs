@@ -180,13 +180,13 @@ fn results_are_taken_when_they_are_asked_for() {
     let (before, lines) = (csv_rows(&before), changed.lines().rev().take_while(|line| !line.contains(" compared: ")));
     let verdicts_differ = before.iter().zip(&after).filter(|(before, after)| before["verdict"] != after["verdict"]);
     assert_eq!(lines.filter(|line| line.contains(" -> ")).count(), verdicts_differ.count(), "{changed}");
-    assert!(changed.contains("\n3 casings compared: 0 are the same, "), "{changed}");
+    assert!(changed.contains("\n3 casings compared: 0 have the same numbers, "), "{changed}");
     let lines = sandbox.run("diff out out --results --json").expect(0).out;
     let summary: serde_json::Value = serde_json::from_str(lines.lines().last().unwrap()).unwrap();
     let listed = summary["verdicts_differ"].as_array().unwrap();
     assert_eq!((lines.lines().count(), &summary["compared"], &summary["same"]), (4, &3.into(), &0.into()), "{lines}");
     assert!(listed.iter().all(|change| changed.ends_with('\n') && changed.contains(change.as_str().unwrap())));
-    assert!(changed.contains(&format!("0 are the same, {} verdict", listed.len())), "{changed} {summary}");
+    assert!(changed.contains(&format!("0 have the same numbers, {} verdict", listed.len())), "{changed} {summary}");
     // The archives of results that are the only ones here have another name.
     fs::create_dir(sandbox.path("renamed")).unwrap();
     fs::copy(sandbox.path("out/SIM-0001.h5"), sandbox.path("renamed/FIRST.h5")).unwrap();
@@ -195,7 +195,10 @@ fn results_are_taken_when_they_are_asked_for() {
     fs::copy(sandbox.path(&format!("out/{results}")), sandbox.path(&format!("renamed/{results}"))).unwrap();
     let refused = sandbox.run("export renamed verdicts --results").expect(1).err;
     let gone = format!("renamed/{results} has those of renamed/SIM-0001.h5, which is not there");
-    assert!(refused.contains("1 file of results") && refused.contains(&gone), "{refused}");
+    assert!(
+        refused.contains("1 file of results of tapline reprocess without an archive") && refused.contains(&gone),
+        "{refused}"
+    );
     let said = sandbox.run("explain out --shoulder SIM-0003/1 --results").expect(0).out;
     assert!(said.starts_with("out/SIM-0003.") && said.matches("lineage").count() == 1, "{said}");
     // Those that are asked for again are the newest again.
@@ -203,10 +206,11 @@ fn results_are_taken_when_they_are_asked_for() {
     sandbox.run("reprocess out --reference sound.json").expect(0);
     assert_eq!(csv_rows(&sandbox.run("export out verdicts --results").expect(0).out), after);
     // Of two kinds of results, one casing has the other as its newest.
-    assert!(!sandbox.run("export out verdicts --results").expect(0).err.contains("of one kind"));
+    assert!(!sandbox.run("export out verdicts --results").expect(0).err.contains("made alike"));
     sandbox.run("reprocess out/SIM-0002.h5 --reference self").expect(0);
     let warned = sandbox.run("export out verdicts --results").expect(0).err;
-    assert!(warned.contains("not all of one kind: ") && warned.contains("fuse.reference = \"self\" here"), "{warned}");
+    assert!(warned.contains("out: the newest results were not all made alike: SIM-0001."), "{warned}");
+    assert!(warned.contains(" with fuse.reference = \"a file\", SIM-0002."), "{warned}");
     assert!(sandbox.run("explain out --shoulder SIM-0009/1").expect(1).err.contains("none of the 3 archives"));
     let meant = "SIM-0002\": that casing has SIM-0002/1 and SIM-0002/2";
     assert!(sandbox.run("explain out --shoulder SIM-0002").expect(1).err.contains(meant));
@@ -242,14 +246,14 @@ fn casings_of_one_name_differ_by_their_days() {
         fs::copy(sandbox.path(&format!("out/{from}.h5")), sandbox.path(&format!("day/{to}.h5"))).unwrap();
     }
     let changed = sandbox.run("diff day day").expect(0).out;
-    assert_eq!(changed, "3 casings compared: 3 are the same, 0 verdicts differ\n");
+    assert_eq!(changed, "3 casings compared: 3 have the same numbers, 0 verdicts differ\n");
     let pairs = sandbox.run("diff day day --json").expect(0).out;
     assert!(pairs.contains("{\"before\":\"day/2026-11-23/A.h5\",\"after\":\"day/2026-11-23/A.h5\","), "{pairs}");
     let refused = sandbox.run("diff day day/2026-11-23/A.h5").expect(1).err;
     assert!(refused.contains("may be day/2026-11-23/A.h5 or day/2026-11-24/A.h5"), "{refused}");
     for pair in ["day/2026-11-24 day/2026-11-24/B.h5", "day/2026-11-24/B.h5 day/2026-11-24"] {
         let changed = sandbox.run(&format!("diff {pair}")).expect(0).out;
-        assert_eq!(changed, "1 casing compared: 1 is the same, 0 verdicts differ\n", "{pair}");
+        assert_eq!(changed, "1 casing compared: 1 has the same numbers, 0 verdicts differ\n", "{pair}");
     }
     for named in ["day/2026-11-23/A.h5 day/2026-11-24/A.h5", "day/2026-11-23 day/2026-11-24/A.h5"] {
         let rows = csv_rows(&sandbox.run(&format!("export {named} verdicts")).expect(0).out);
@@ -289,7 +293,9 @@ fn of_the_simulated_tyres_only_an_archive_s_own_are_shown() {
         sandbox.write(&format!("{name}.toml"), &tyres(last));
         sandbox.run(&format!("run --config {name}.toml --out {name}")).expect(0);
     }
-    for arguments in ["explain a/T2.h5", "explain a/T2.h5 --json", "diff a/T2.h5 b/T2.h5"] {
+    let changed = sandbox.run("diff a/T2.h5 b/T2.h5").expect(0).out;
+    assert!(changed.contains("scan.tyre: entries of other casings -> changed\n"), "{changed}");
+    for arguments in ["explain a/T2.h5", "explain a/T2.h5 --json"] {
         let said = sandbox.run(arguments).expect(0).out.replace('\\', "");
         assert!(said.contains("serial = \"T2\"") && said.contains("}] and 2 others"), "{arguments}: {said}");
         assert!(!said.contains("\"T1\"") && !said.contains("\"T3\""), "{arguments}: {said}");

@@ -40,8 +40,10 @@ pub(super) struct Scans {
     pub of_shoulder: BTreeMap<Shoulder, Vec<Scanned>>,
     /// Archives, or with `--results` files of new results.
     pub archive_count: usize,
-    /// With `--results`, the remark on archives that have none.
-    pub without_results: Option<String>,
+    /// With `--results`, the remarks on archives that have none, and on results that were not all made alike.
+    pub remarks: Vec<String>,
+    /// Shoulders of archives that have no results.
+    pub without_results: BTreeSet<Shoulder>,
     /// Archives that could not be read, each with the reason.
     pub unreadable: Vec<String>,
     /// Scans without a verdict.
@@ -74,7 +76,18 @@ impl Scans {
         let mut scans = Self::default();
         let files = if is_results {
             let sorted = here.sorted();
-            scans.without_results = sorted.without_results(folder);
+            scans.remarks =
+                [sorted.without_results(folder), sorted.mixed_results(folder)].into_iter().flatten().collect();
+            let with: BTreeSet<&PathBuf> = sorted.results.iter().map(|results| &results.archive).collect();
+            for archive in sorted.archives.iter().filter(|archive| !with.contains(archive)) {
+                match Reader::open(archive) {
+                    Ok(reader) => {
+                        let shoulders = reader.plan().scans().iter();
+                        scans.without_results.extend(shoulders.map(|scan| (scan.tyre.to_string(), scan.shoulder)));
+                    }
+                    Err(error) => scans.unreadable.push(error.to_string()),
+                }
+            }
             sorted.newest_results()
         } else {
             without_named_results(here.finished)
@@ -83,16 +96,18 @@ impl Scans {
         ensure!(!files.is_empty(), "{} has no {what}", folder.display());
         scans.archive_count = files.len();
         let mut progress = Progress::new(Some(files.len() as u64), Unit::Things("archives"));
+        let mut failed = Vec::new();
         for (path, done) in files.iter().zip(0..) {
             progress.update(done);
             let name = path.strip_prefix(folder).unwrap_or(path).display().to_string();
             if let Err(error) = scans.add(path, &name) {
-                scans.unreadable.push(format!("{error:#}"));
+                failed.push(format!("{error:#}"));
             }
         }
-        if let Some(first) = scans.unreadable.first() {
-            ensure!(scans.unreadable.len() < files.len(), "none of {} archives can be read: {first}", files.len());
+        if let Some(first) = failed.first() {
+            ensure!(failed.len() < files.len(), "none of {} archives can be read: {first}", files.len());
         }
+        scans.unreadable.append(&mut failed);
         for ((tyre, side), shoulder) in &mut scans.of_shoulder {
             // For each location whether it is cracked, and the first archive that knows.
             let mut stated: BTreeMap<u32, (bool, &str)> = BTreeMap::new();
@@ -145,9 +160,9 @@ impl Scans {
         Ok(())
     }
 
-    /// Whether shoulders may have been scanned that are not among these, because archives were left out.
-    pub(super) fn left_some_out(&self) -> bool {
-        !self.unreadable.is_empty() || self.without_results.is_some()
+    /// Whether `shoulder` may have been scanned in an archive that was left out.
+    pub(super) fn may_be_left_out(&self, shoulder: &Shoulder) -> bool {
+        !self.unreadable.is_empty() || self.without_results.contains(shoulder)
     }
 
     /// Where the locations of each shoulder lie.

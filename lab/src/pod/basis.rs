@@ -49,8 +49,8 @@ pub(super) fn table(scans: &Scans, truth: &KnownTruth, inspected: &[InspectedSho
             push(what, count, remark.to_owned());
         }
     }
-    if let Some(remark) = &scans.without_results {
-        table.push(["archives without results".into(), Cell::Empty, remark.clone().into()]);
+    for remark in &scans.remarks {
+        table.push(["results".into(), Cell::Empty, remark.clone().into()]);
     }
     for why in &scans.unreadable {
         table.push(["archive left out".into(), Cell::Count(1), why.clone().into()]);

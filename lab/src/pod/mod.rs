@@ -75,14 +75,12 @@ pub fn pod(args: &PodArgs) -> Result<bool> {
         check_folder(folder, args.force.existing())?;
     }
     let scans = Scans::read(&args.folder, args.results)?;
-    scans.without_results.iter().for_each(|remark| say(&format!("tapline-lab: {remark}")));
+    scans.remarks.iter().for_each(|remark| say(&format!("tapline-lab: {remark}")));
     scans.unreadable.iter().for_each(|why| print_line(&format!("tapline-lab: {why}")));
     let truth = match &args.truth {
         Some(file) => {
             let (mut truth, scanned) = (KnownTruth::read(file)?, scans.extents());
-            if scans.left_some_out() {
-                truth.leave_out_others(&scanned);
-            }
+            truth.leave_out(&scanned, |shoulder| scans.may_be_left_out(shoulder));
             truth.check(&scanned).map_err(|error| anyhow!("{} {error:#}", file.display()))?;
             if !truth.not_scanned.is_empty() {
                 let names = basis::names(&truth.not_scanned);

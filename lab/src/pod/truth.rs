@@ -130,10 +130,15 @@ impl KnownTruth {
         Ok(())
     }
 
-    /// Leaves out the shoulders that are not in `scanned`, because archives were left out that may have them.
-    pub(super) fn leave_out_others(&mut self, scanned: &BTreeMap<Shoulder, Extent>) {
-        self.not_scanned = self.shoulders.keys().filter(|key| !scanned.contains_key(*key)).cloned().collect();
-        self.shoulders.retain(|key, _| scanned.contains_key(key));
+    /// Leaves out the shoulders that are not in `scanned` and may be in an archive that was left out.
+    pub(super) fn leave_out(
+        &mut self,
+        scanned: &BTreeMap<Shoulder, Extent>,
+        may_be_left_out: impl Fn(&Shoulder) -> bool,
+    ) {
+        let is_out = |key: &Shoulder| !scanned.contains_key(key) && may_be_left_out(key);
+        self.not_scanned = self.shoulders.keys().filter(|key| is_out(key)).cloned().collect();
+        self.shoulders.retain(|key, _| !is_out(key));
     }
 
     /// Checks each row against the shoulders that were scanned.
