@@ -15,7 +15,9 @@ use tapline_host::atomic_file::{check_folder, write_atomically};
 use tapline_host::stdout::Stdout;
 use tapline_store::Reader;
 
-use crate::archives::{ArchiveFile, Archives, Work, cores};
+use crate::archives::several::{cores, each};
+use crate::archives::work::Work;
+use crate::archives::{ArchiveFile, Archives};
 use crate::cli::archives::ReportArgs;
 use crate::config::Config;
 use crate::config::reference::KeptReferences;
@@ -36,7 +38,7 @@ pub(crate) fn report(args: &ReportArgs) -> Result<bool> {
     let mut work = Work::on(&archives);
     let (mut shift, mut names, references) = (Shift::default(), BTreeSet::new(), Mutex::default());
     let pages_of = |file: &ArchiveFile| Pages::of(file, printed.as_ref(), &references);
-    archives.work_on(cores(), pages_of, |file, pages| {
+    each(&archives.files, cores(), pages_of, |file, pages| {
         work.note_done(file);
         let Some(Pages { reader, evidence, pages }) = work.take(file, pages)? else { return Ok(()) };
         // If it cannot be in the shift it has no pages either.

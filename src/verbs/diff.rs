@@ -11,7 +11,8 @@ use tapline_host::messages::counted;
 use tapline_store::{Judged, Reader, lineage_changes};
 use tapline_wire::{Discriminator, Discriminators, Plan, Recording, Scan, TapId, Verdict};
 
-use crate::archives::{ArchiveFile, Archives, Which, Work};
+use crate::archives::work::Work;
+use crate::archives::{ArchiveFile, Archives, Which};
 use crate::config::lineage::shown_value;
 use crate::verbs::explain::print;
 

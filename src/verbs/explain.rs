@@ -14,7 +14,8 @@ use tapline_host::table::{break_between_words, table};
 use tapline_store::{Reader, hex_of, lineage_changes};
 use tapline_wire::{Discriminator, Scan, TapState};
 
-use crate::archives::{Archives, Which, Work};
+use crate::archives::work::Work;
+use crate::archives::{Archives, Which};
 use crate::config::Config;
 use crate::config::lineage::{made_by, shown_value};
 use crate::config::reference::fusion_of;

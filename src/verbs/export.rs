@@ -14,7 +14,8 @@ use tapline_host::signals::note_folder;
 use tapline_host::stdout::Stdout;
 use tapline_store::Reader;
 
-use crate::archives::{Archives, Work};
+use crate::archives::Archives;
+use crate::archives::work::Work;
 use crate::cli::archives::{ExportArgs, Format, What};
 #[cfg(not(feature = "parquet"))]
 use crate::cli::built_without;

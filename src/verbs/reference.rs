@@ -15,7 +15,8 @@ use tapline_host::table::table;
 use tapline_store::Reader;
 use tapline_wire::{Discriminator, Discriminators, Verdict};
 
-use crate::archives::{Archives, Work};
+use crate::archives::Archives;
+use crate::archives::work::Work;
 use crate::cli::archives::ReferenceArgs;
 use crate::config::Config;
 use crate::config::reference::{differences, process_of};

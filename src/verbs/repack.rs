@@ -10,7 +10,8 @@ use tapline_host::signals::note_folder;
 use tapline_host::stdout::Stdout;
 use tapline_store::{Codec, Repacked};
 
-use crate::archives::{Archives, Which, Work};
+use crate::archives::work::Work;
+use crate::archives::{Archives, Which};
 
 /// Packs the archive at `paths` into the file `out`; several into the folder `out`, under their names.
 pub(crate) fn repack(paths: &[PathBuf], codec: Codec, out: &Path, as_json: bool) -> Result<bool> {

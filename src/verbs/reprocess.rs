@@ -23,7 +23,9 @@ use tapline_process::{ProcessConfig, ProcessExtractor};
 use tapline_store::{Error, Lineage, PutOutcome, ReadBuffer, Reader, Taps, Writer, lineage_key, results_path};
 use tapline_wire::{Discriminators, ScanState, TapHeader, TapState};
 
-use crate::archives::{ArchiveFile, Archives, Which, Work, cores};
+use crate::archives::several::{cores, each};
+use crate::archives::work::Work;
+use crate::archives::{ArchiveFile, Archives, Which};
 use crate::cli::archives::ReprocessArgs;
 use crate::config::Config;
 use crate::config::lineage::{made_by, of_discriminators};
@@ -62,7 +64,7 @@ pub(crate) fn reprocess(args: &ReprocessArgs) -> Result<bool> {
     let judge_again = |file: &ArchiveFile| {
         again(&file.path, &asked).with_context(|| format!("cannot judge {} again", file.path.display()))
     };
-    archives.work_on(jobs, judge_again, |file, done| {
+    each(&archives.files, jobs, judge_again, |file, done| {
         work.note_done(file);
         if let Some(results) = work.take(file, done)? {
             work.beside(|| print(args, &file.path, &results))?;

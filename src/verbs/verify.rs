@@ -11,7 +11,8 @@ use tapline_host::stdout::Stdout;
 use tapline_store::{Error, Report};
 use tapline_wire::TapState;
 
-use crate::archives::{Archives, Which, Work};
+use crate::archives::work::Work;
+use crate::archives::{Archives, Which};
 
 /// Checks the archives at `paths`.
 pub(crate) fn verify(paths: &[PathBuf], as_json: bool) -> Result<bool> {

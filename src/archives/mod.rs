@@ -2,20 +2,15 @@
 //!
 //! [`tapline_store::Folder`] decides which files of a folder count.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::num::NonZeroUsize;
+pub(crate) mod several;
+pub(crate) mod work;
+
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::thread::{Builder, available_parallelism, scope};
 
 use anyhow::{Context as _, Result, bail};
-use crossbeam::channel::bounded;
-use tapline_host::messages::{counted, print_line};
-use tapline_host::progress::{Progress, Unit};
-use tapline_store::{Folder, Reader, archive_of};
-
-/// Files for each thread before all of them are waited for: their results are kept until those of the files before them are taken.
-const AHEAD: usize = 8;
+use tapline_host::messages::counted;
+use tapline_store::{Folder, archive_of};
 
 /// Which files of a folder a verb takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -109,19 +104,6 @@ impl Archives {
         Ok(found)
     }
 
-    /// Has `work` done for each file, `jobs` files at a time; `take` gets what came of each, in the order of the files.
-    ///
-    /// # Errors
-    /// The first of `take`, or that a thread cannot be started.
-    pub(crate) fn work_on<T: Send>(
-        &self,
-        jobs: usize,
-        work: impl Fn(&ArchiveFile) -> T + Sync,
-        mut take: impl FnMut(&ArchiveFile, T) -> Result<()>,
-    ) -> Result<()> {
-        self.files.chunks(AHEAD * jobs).try_for_each(|files| work_on_some(files, jobs, &work, &mut take))
-    }
-
     /// The files of `folder`.
     fn in_folder(&mut self, folder: &Path, which: Which) -> Result<Vec<ArchiveFile>> {
         let here = Folder::list(folder)?;
@@ -145,48 +127,6 @@ impl Archives {
         };
         Ok(chosen.into_iter().map(named).collect())
     }
-}
-
-/// [`Archives::work_on`] these `files`, whose results may wait for one another.
-///
-/// Not by rayon, which fits references: a thread of its pool that waits for a fit, and holds the lock of the reference meanwhile, may be
-/// given the next file, which needs that lock.
-fn work_on_some<T: Send>(
-    files: &[ArchiveFile],
-    jobs: usize,
-    work: &(impl Fn(&ArchiveFile) -> T + Sync),
-    take: &mut impl FnMut(&ArchiveFile, T) -> Result<()>,
-) -> Result<()> {
-    let next = AtomicUsize::new(0);
-    let (send, receive) = bounded(jobs);
-    scope(|threads| {
-        for number in 0..jobs.min(files.len()) {
-            let (send, next) = (send.clone(), &next);
-            let work = move || {
-                loop {
-                    let number = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(file) = files.get(number) else { return };
-                    tracing::info!("reading {}", file.path.display());
-                    // After an error of `take` nobody receives.
-                    if send.send((number, work(file))).is_err() {
-                        return;
-                    }
-                }
-            };
-            let thread = Builder::new().name(format!("archive-{number}"));
-            thread.spawn_scoped(threads, work).context("cannot start a thread")?;
-        }
-        drop(send);
-        let (mut early, mut due) = (BTreeMap::new(), files.iter().zip(0..).peekable());
-        for (number, done) in receive {
-            early.insert(number, done);
-            while let Some((file, done)) = due.peek().and_then(|&(file, due)| Some((file, early.remove(&due)?))) {
-                due.next();
-                take(file, done)?;
-            }
-        }
-        Ok(())
-    })
 }
 
 /// The folder within which the files at `path` are named.
@@ -234,130 +174,6 @@ fn and_unfinished(count: usize) -> String {
     }
 }
 
-/// How many files can be worked on at a time: one on each core.
-pub(crate) fn cores() -> usize {
-    available_parallelism().map_or(1, NonZeroUsize::get)
-}
-
-/// Work on archives: how far it has come, by their bytes, and how many have failed. One that fails is named, and
-/// the others are still done.
-#[derive(Debug)]
-pub(crate) struct Work {
-    is_many: bool,
-    /// Number of archives.
-    count: usize,
-    failed: usize,
-    is_complete: bool,
-    progress: Progress,
-    /// Bytes of the archives that are done, and of the one that is under way.
-    done_bytes: u64,
-    bytes: u64,
-}
-
-impl Work {
-    /// Work on these `archives`.
-    pub(crate) fn on(archives: &Archives) -> Self {
-        let total = archives.files.iter().map(ArchiveFile::bytes).sum();
-        Self {
-            is_many: archives.is_many,
-            count: archives.files.len(),
-            failed: 0,
-            is_complete: true,
-            progress: Progress::new(Some(total), Unit::Bytes),
-            done_bytes: 0,
-            bytes: 0,
-        }
-    }
-
-    /// Notes that `file` comes next.
-    pub(crate) fn begin(&mut self, file: &ArchiveFile) {
-        tracing::info!("reading {}", file.path.display());
-        self.done_bytes += std::mem::replace(&mut self.bytes, file.bytes());
-        self.progress.update(self.done_bytes);
-    }
-
-    /// Notes that `file` is done: of several at a time, none has begun.
-    pub(crate) fn note_done(&mut self, file: &ArchiveFile) {
-        self.done_bytes += file.bytes();
-        self.progress.update(self.done_bytes);
-    }
-
-    /// Notes that this fraction of it, from 0 to 1, is done.
-    pub(crate) fn note_part(&mut self, part: f64) {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            clippy::cast_precision_loss,
-            reason = "a part of a count, for people to see"
-        )]
-        let of_file = (self.bytes as f64 * part.clamp(0.0, 1.0)) as u64;
-        self.progress.update(self.done_bytes + of_file);
-    }
-
-    /// Begins `file` and opens it; as [`Work::take`].
-    ///
-    /// # Errors
-    /// As [`Work::take`].
-    pub(crate) fn open(&mut self, file: &ArchiveFile) -> Result<Option<Reader>> {
-        self.begin(file);
-        self.take(file, Reader::open(&file.path))
-    }
-
-    /// The result for `file`; `None` if it failed, after printing why.
-    ///
-    /// # Errors
-    /// The error, if only that file was named, or standard output cannot be written.
-    pub(crate) fn take<T, E>(&mut self, file: &ArchiveFile, had: Result<T, E>) -> Result<Option<T>>
-    where
-        E: Into<anyhow::Error>,
-    {
-        let error = match had {
-            Ok(value) => return Ok(Some(value)),
-            Err(error) => error.into(),
-        };
-        // If nothing can be printed, the file is not at fault.
-        if !self.is_many || tapline_host::stdout::fault().is_some() {
-            return Err(error);
-        }
-        self.failed += 1;
-        let (path, why) = (file.path.display().to_string(), tapline_host::messages::with_causes(error.as_ref()));
-        let text = if why.contains(&path) { format!("tapline: {why}") } else { format!("tapline: {path}: {why}") };
-        self.beside(|| print_line(&text));
-        Ok(None)
-    }
-
-    /// Has `write` write something else to the terminal.
-    pub(crate) fn beside<R>(&self, write: impl FnOnce() -> R) -> R {
-        self.progress.beside(write)
-    }
-
-    /// Whether a file has failed.
-    pub(crate) fn has_failed(&self) -> bool {
-        self.failed > 0
-    }
-
-    /// Notes whether the result for a file was complete.
-    pub(crate) fn note(&mut self, is_complete: bool) {
-        self.is_complete &= is_complete;
-    }
-
-    /// Ends the work; whether all files were done, and each was complete.
-    ///
-    /// # Errors
-    /// That none was done.
-    pub(crate) fn end(self) -> Result<bool> {
-        let Self { count, failed, is_complete, progress, .. } = self;
-        progress.finish();
-        if failed > 0 && failed == count {
-            bail!("none of {count} archives could be processed");
-        }
-        if failed > 0 {
-            print_line(&format!("tapline: {failed} of {count} archives are left out, for the reasons above"));
-        }
-        Ok(is_complete && failed == 0)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::fs;
@@ -389,32 +205,6 @@ mod tests {
         assert_eq!(found(Which::All).files.len(), 3);
         let twice = Archives::find(&[folder.path().join("C.h5"), folder.path().to_owned()], Which::Casings).unwrap();
         assert_eq!(names(&twice), ["C.h5", "1/A.h5"]);
-    }
-
-    /// Catches files whose results come in the order in which they are ready, and work that goes on after an error.
-    #[test]
-    fn several_files_at_a_time_come_in_their_order() {
-        let file = |k: usize| ArchiveFile { path: PathBuf::from(k.to_string()), name: PathBuf::new() };
-        let archives = Archives { files: (0..100).map(file).collect(), ..Archives::default() };
-        for jobs in [1, 3, 200] {
-            let mut order = Vec::new();
-            let take = |file: &ArchiveFile, done: PathBuf| {
-                assert_eq!(file.path, done);
-                order.push(done);
-                if order.len() < 60 { Ok(()) } else { bail!("enough") }
-            };
-            let begun = AtomicUsize::new(0);
-            // The first of each three takes longest.
-            let work = |file: &ArchiveFile| {
-                begun.fetch_add(1, Ordering::Relaxed);
-                let number: u64 = file.path.to_str().unwrap().parse().unwrap();
-                std::thread::sleep(std::time::Duration::from_micros(300 * (2 - number % 3)));
-                file.path.clone()
-            };
-            assert_eq!(archives.work_on(jobs, work, take).unwrap_err().to_string(), "enough");
-            assert!(begun.into_inner() <= 60_usize.next_multiple_of(AHEAD * jobs), "{jobs}");
-            assert!(order.iter().eq(archives.files[..60].iter().map(|file| &file.path)), "{jobs} {order:?}");
-        }
     }
 
     #[test]
