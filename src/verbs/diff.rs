@@ -50,7 +50,7 @@ pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> 
         compared_count += 1;
         same_count += usize::from(difference.is_none());
         let of_verdicts = difference.shoulders.iter().filter_map(ShoulderDifference::verdict_change);
-        changed.extend(of_verdicts.map(|change| format!("{}: {change}", file.path.display())));
+        changed.extend(of_verdicts.map(|change| (file.path.display().to_string(), change)));
         let text = match as_json {
             true => line_of(&difference)?,
             false if difference.is_none() => continue,
@@ -64,8 +64,10 @@ pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> 
     }
     let text = match as_json {
         true => {
+            let of = |(file, change): &(String, VerdictChange)| json!({ "file": file, "shoulder": change.shoulder, "before": change.before, "after": change.after });
             let of_all = json!({
-                "kind": "summary", "compared": compared_count, "same": same_count, "verdicts_differ": changed,
+                "kind": "summary", "compared": compared_count, "same": same_count,
+                "verdicts_differ": changed.iter().map(of).collect::<Vec<_>>(),
             });
             format!("{of_all}\n")
         }
@@ -73,7 +75,7 @@ pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> 
             let casings = counted(compared_count, "casing", "casings");
             let same = counted(same_count, "has the same numbers", "have the same numbers");
             let verdicts = counted(changed.len(), "verdict differs", "verdicts differ");
-            let lines: String = changed.iter().map(|change| format!("{change}\n")).collect();
+            let lines: String = changed.iter().map(|(file, change)| format!("{file}: {change}\n")).collect();
             format!("{casings} compared: {same}, {verdicts}\n{lines}")
         }
     };
@@ -150,11 +152,25 @@ impl ShoulderDifference {
             && self.locations_differ == 0
     }
 
-    /// How its verdict changed, for people; `None` if it did not.
-    fn verdict_change(&self) -> Option<String> {
+    /// How its verdict changed; `None` if it did not.
+    fn verdict_change(&self) -> Option<VerdictChange> {
         let word = |verdict: &Option<String>| verdict.clone().unwrap_or_else(|| "not judged".to_owned());
         let (before, after) = (word(&self.verdict_before), word(&self.verdict_after));
-        (before != after).then(|| format!("{} {before} -> {after}", self.shoulder))
+        (before != after).then(|| VerdictChange { shoulder: self.shoulder.clone(), before, after })
+    }
+}
+
+/// A verdict that changed.
+struct VerdictChange {
+    /// The casing and its shoulder.
+    shoulder: String,
+    before: String,
+    after: String,
+}
+
+impl fmt::Display for VerdictChange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {} -> {}", self.shoulder, self.before, self.after)
     }
 }
 
@@ -385,10 +401,13 @@ mod tests {
             assert!(difference.to_string().ends_with(words), "{difference}");
         }
         let rejected = ShoulderDifference { verdict_after: Some("REJECT".to_owned()), ..of(0, 0, None) };
-        assert_eq!(rejected.verdict_change().as_deref(), Some("T/1 PASS -> REJECT"));
+        assert_eq!(rejected.verdict_change().map(|change| change.to_string()).as_deref(), Some("T/1 PASS -> REJECT"));
         let unjudged = ShoulderDifference { verdict_before: None, ..of(0, 0, None) };
-        assert_eq!(unjudged.verdict_change().as_deref(), Some("T/1 not judged -> PASS"));
-        assert_eq!(of(9, 0, Some(2.375)).verdict_change(), None);
+        assert_eq!(
+            unjudged.verdict_change().map(|change| change.to_string()).as_deref(),
+            Some("T/1 not judged -> PASS")
+        );
+        assert!(of(9, 0, Some(2.375)).verdict_change().is_none());
         let indices = [(0.0, 0.5), (f64::NAN, 1.0), (2.0, 2.0), (f64::NAN, f64::NAN)];
         assert_eq!(index_differences(indices.into_iter()), (2, 1, Some(0.5)));
     }
