@@ -114,7 +114,7 @@ pub(super) fn measure(bench: &Bench) -> Result<Panel> {
         "Which index rates a place, and which rule a shoulder?",
         "Which index ranks locations best, which rule finds the cracked shoulders, and what do they cost?",
         [
-            "One turn at each of four offsets, or at 0 mm alone, as the default scan has it, by the reference of the panel `plans`. \
+            "A scan has one turn at each of four offsets or, like the default, one at 0 mm alone. The reference is that of the panel `plans`. \
              The cost is that of taking in a casing's discriminators, comparing, and judging both shoulders; fitting the reference \
              is not in it.",
             "Ring rules: the strongest arc of 1 to 20 neighbours, which verdicts rest on, and the largest damage index, which is of \
