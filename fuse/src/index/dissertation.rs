@@ -10,6 +10,9 @@ use crate::stats::{mean, mean_and_sd};
 /// Fewest sound places from which the scatter of the index is estimated.
 const PLACES_MIN: usize = 8;
 
+/// Largest score: a broken value must not make squares of scores overflow.
+const SCORE_MAX: f64 = 1e6;
+
 /// What a reference taught: the extremes of Eq. 55, and how the index of its sound places scatters.
 #[derive(Debug, Clone)]
 pub(crate) struct Extremes {
@@ -95,7 +98,8 @@ impl Index for Extremes {
             let place_count = shoulder.place_count();
             let standardised = |value: Option<f64>| -> Vector {
                 let mut scores = ABSENT;
-                scores[0] = value.map_or(f64::NAN, |value| (value - self.mean) / self.sd);
+                scores[0] =
+                    value.map_or(f64::NAN, |value| ((value - self.mean) / self.sd).clamp(-SCORE_MAX, SCORE_MAX));
                 scores
             };
             let width = self.setup.discriminators.len();
