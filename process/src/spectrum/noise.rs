@@ -50,13 +50,13 @@ pub(super) fn of_bands<T: Real>(
 }
 
 impl Noise {
-    /// `power` less the noise; `reference` is the mean square of the reference band. `None` if either band, or the
-    /// largest density, is no more than noise.
+    /// `power` less the noise; `reference` is the mean square of the reference band. `None` if the band, or the
+    /// largest density, is no more than noise, or if so little is left of the reference band that the band is more than it.
     pub(super) fn subtracted(&self, power: &BandPower, reference: f64) -> Option<BandPower> {
         let flexural = power.e_f - self.flexural;
         let reference = reference - self.reference;
         let p_f = power.p_f - self.density;
-        let is_left = flexural > 0.0 && reference > 0.0 && p_f > 0.0;
+        let is_left = flexural > 0.0 && reference >= flexural && p_f > 0.0;
         is_left.then_some(BandPower { pr: flexural / reference, p_f, e_f: flexural, ..*power })
     }
 }
@@ -79,7 +79,7 @@ mod tests {
         assert_eq!(of_bands(&mut Plans::new(), &samples[..31], 10_000.0, &bands), None);
     }
 
-    /// Catches values below zero, and noise that is subtracted from one of them alone.
+    /// Catches values below zero, a ratio above one, and noise that is subtracted from one of them alone.
     #[test]
     fn no_more_than_noise_is_nothing() {
         let noise = Noise { flexural: 1.0, reference: 2.0, density: 0.1 };
@@ -88,6 +88,7 @@ mod tests {
         assert_eq!((found.pr, found.p_f, found.e_f), (2.0 / 4.0, 0.9, 2.0));
         assert_eq!(noise.subtracted(&BandPower { e_f: 1.0, ..power }, 9.0), None);
         assert_eq!(noise.subtracted(&power, 2.0), None);
+        assert_eq!(noise.subtracted(&power, 3.5), None);
         assert_eq!(noise.subtracted(&BandPower { p_f: 0.1, ..power }, 5.0), None);
     }
 }
