@@ -17,8 +17,8 @@ pub(super) struct Scanned {
     /// Path of the archive within the folder.
     pub archive: String,
     pub station: u16,
-    /// When it was first tapped, in ns since the Unix epoch; 0 without a tap.
-    pub tapped_ns: i64,
+    /// When it was first tapped, in ns since the Unix epoch; `None` if no tap has a time.
+    pub tapped_ns: Option<i64>,
     /// Distinguishes recordings; `None` without a tap.
     pub recording: Option<[u8; 32]>,
     pub extent: Extent,
@@ -36,7 +36,7 @@ pub(super) struct Scanned {
 /// Scans of a folder.
 #[derive(Debug, Default)]
 pub(super) struct Scans {
-    /// By casing and shoulder, the first scan first.
+    /// By casing and shoulder, the first scan first, those of unknown time last.
     pub of_shoulder: BTreeMap<Shoulder, Vec<Scanned>>,
     /// Archives, or with `--results` files of new results.
     pub archive_count: usize,
@@ -125,7 +125,8 @@ impl Scans {
                     }
                 }
             }
-            shoulder.sort_by(|a, b| (a.tapped_ns, &a.archive).cmp(&(b.tapped_ns, &b.archive)));
+            let when = |scan: &Scanned| scan.tapped_ns.unwrap_or(i64::MAX);
+            shoulder.sort_by(|a, b| (when(a), &a.archive).cmp(&(when(b), &b.archive)));
             // A copy is not a second scan.
             let before = shoulder.len();
             let mut seen = Vec::new();
@@ -151,7 +152,7 @@ impl Scans {
             let tapped = scan.taps.iter().filter_map(|&row| times[row as usize].as_ref());
             let scanned = Scanned {
                 archive: name.to_owned(),
-                tapped_ns: tapped.map(|header| header.tap_time_ns).min().unwrap_or(0),
+                tapped_ns: tapped.map(|header| header.tap_time_ns).filter(|&ns| ns > 0).min(),
                 recording,
                 ..scanned(&reader, scan, &judged).with_context(|| path.display().to_string())?
             };
@@ -201,7 +202,7 @@ fn scanned(reader: &Reader, scan: &Scan, judged: &Judged) -> Result<Scanned> {
     Ok(Scanned {
         archive: String::new(),
         station: scan.station,
-        tapped_ns: 0,
+        tapped_ns: None,
         recording: None,
         extent,
         region_index: cells.iter().map(|cell| cell.region_index).collect(),
