@@ -9,7 +9,7 @@ mod gauge;
 mod page;
 mod table;
 
-pub(crate) use areas::{Areas, FALSE_ALARMS, FoundAt};
+pub(crate) use areas::{Areas, FALSE_ALARMS, FoundAt, TYRES_MIN};
 pub(crate) use call::Call;
 pub(crate) use detection::{DETECTION_COLUMNS, Detection, Target};
 pub(crate) use draw::{HALF_BOX, Key, Mark, Picture, Plot, axis, keys};

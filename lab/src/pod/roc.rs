@@ -4,7 +4,7 @@ use tapline_draw::stats::extent;
 use tapline_host::messages::counted;
 use tapline_wire::Reasons;
 
-use crate::evaluation::{Areas, FALSE_ALARMS, FoundAt, Table, cell, ends};
+use crate::evaluation::{Areas, FALSE_ALARMS, FoundAt, TYRES_MIN, Table, cell, ends};
 
 use super::archives::Scanned;
 use super::inspected::InspectedShoulder;
@@ -74,7 +74,7 @@ impl Roc {
         } else {
             if interval.is_none() {
                 remarks.push(format!(
-                    "no interval: {cracked_tyres} tyres have cracked ones, {sound_tyres} have sound ones; 2 of each are needed"
+                    "no interval: {cracked_tyres} tyres have cracked ones, {sound_tyres} have sound ones; {TYRES_MIN} of each are needed"
                 ));
             }
             if found.is_none() {
