@@ -309,9 +309,7 @@ fn print(path: &Path, set: &ReferenceSet) -> Result<()> {
         summary.limit_reject,
         percent(summary.reject_rate),
         counted(summary.casing_count, "casing supports", "casings support"),
-        summary
-            .supported_rate
-            .map_or_else(|| "no rate".to_owned(), |rate| format!("{} without assumption", percent(rate)))
+        summary.supported_rate.map_or_else(|| "no rate".to_owned(), percent)
     )?;
     writeln!(out, "Written to {} (digest {})", path.display(), &set.digest()[..16])?;
     Ok(())

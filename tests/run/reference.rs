@@ -150,7 +150,7 @@ fn a_labelled_reference_teaches() {
         assert!(reasons.contains("extrapolated"), "{name} {reasons}");
     }
     // Five casings support 1/6 and no less; that is reported once for all six shoulders.
-    let why = "reject_rate: 5 casings support 16.667 % without assumption";
+    let why = "reject_rate: 5 casings support 16.667 %; 0.1 % is extrapolated";
     let remarks = |text: &str| text.lines().filter(|line| line.contains(why)).count();
     assert_eq!(remarks(&done.err), 1, "{done:?}");
     let summary = done.json(0);

@@ -110,10 +110,20 @@ impl Limits {
     }
 }
 
+/// The strongest arc to expect of a whole ring, if that of a `part` of it is `strongest`, and rings of noise are as `white` says: of n times as
+/// many arcs it lies ln n Gumbel scales higher.
+pub(crate) fn of_whole_ring(strongest: f64, part: f64, white: White) -> f64 {
+    strongest - gumbel_scale(ESTIMATED_SPREAD * white.sd) * part.ln()
+}
+
 /// The value above the mean that a Gumbel distributed one of standard deviation `sd` exceeds with probability `rate`.
 fn gumbel(sd: f64, rate: f64) -> f64 {
-    let scale = sd * 6.0_f64.sqrt() / std::f64::consts::PI;
-    scale * (-EULER - (-(-rate).ln_1p()).ln())
+    gumbel_scale(sd) * (-EULER - (-(-rate).ln_1p()).ln())
+}
+
+/// The scale of a Gumbel distribution of standard deviation `sd`.
+fn gumbel_scale(sd: f64) -> f64 {
+    sd * 6.0_f64.sqrt() / std::f64::consts::PI
 }
 
 #[cfg(test)]
@@ -140,6 +150,22 @@ mod tests {
             let found = f64::from(exceeded) / f64::from(count);
             assert!((0.6 * rate..1.25 * rate).contains(&found), "{found} of {rate}");
         }
+    }
+
+    #[test]
+    fn parts_of_rings_stand_for_whole_ones() {
+        // Catches limits that are too low because half of each ring of the reference was left out as cracked: the mean of the strongest of 20
+        // arcs, brought to 40, is that of the strongest of 40.
+        let mut rng = ChaCha8Rng::seed_from_u64(2);
+        let mut strongest = |count: usize| {
+            let arc = |_| 3.0 - 0.5 * (-rng.random_range(1e-12..1.0_f64).ln()).ln();
+            (0..count).map(arc).fold(0.0, |a: f64, b| if b > a { b } else { a })
+        };
+        let sd = 0.5 * std::f64::consts::PI / 6.0_f64.sqrt() / ESTIMATED_SPREAD;
+        let white = White { median: 3.2, sd, width: 1, value_count: 100 };
+        let mut mean = |count, part| (0..4000).map(|_| of_whole_ring(strongest(count), part, white)).sum::<f64>() / 4e3;
+        let (of_parts, whole) = (mean(20, 0.5), mean(40, 1.0));
+        assert!((of_parts - whole).abs() < 0.05, "{of_parts} {whole}");
     }
 
     #[test]

@@ -96,8 +96,8 @@ pub(crate) trait Index: Debug + Send + Sync {
         None
     }
 
-    /// Robust standard deviation of discriminator number `d` in `condition` about the level of its turn, as a fraction of it;
-    /// `None` where the index has no such scale.
+    /// Robust standard deviation of the logarithm of discriminator number `d` in `condition` about the level of its turn; of a ratio x, of
+    /// ln(x/(1-x)). `None` where the index has no such scale.
     fn sigma(&self, condition: usize, d: usize) -> Option<f64>;
 }
 

@@ -13,7 +13,7 @@ use crate::reference::standing_out::standing_out;
 use crate::reference::summary::{ScaleLine, Summary};
 use crate::shoulder::velocity::Normalisation;
 use crate::shoulder::{Shoulder, Turn};
-use crate::stats::{auc, mean_and_sd, median};
+use crate::stats::{auc, mean, mean_and_sd, median};
 use crate::{Direction, Directions, Error, FuseConfig, IndexKind, index};
 
 /// Fewest locations of each class from which a direction is learned.
@@ -88,8 +88,11 @@ fn learned(pattern: &Pattern, shoulders: &[Shoulder], directions: Directions) ->
     let sound: Vec<Vec<bool>> = all.iter().map(|shoulder| shoulder.sound()).collect();
     let Some(index) = index::fit(&setup, &all, &sound) else { return BTreeMap::new() };
     let mut scores: Vec<(Vec<f64>, Vec<bool>)> = vec![Default::default(); Discriminator::COUNT];
+    let mut crack_count = 0_u32;
     for casing in all.chunk_by(|a, b| a.casing == b.casing) {
         for (shoulder, found) in casing.iter().zip(index.scores(casing)) {
+            let runs = shoulder.is_cracked.chunk_by(|a, b| a == b);
+            crack_count += runs.map(|run| u32::from(run[0] == Some(true))).sum::<u32>();
             for (by_discriminator, label) in found.by_discriminator.iter().zip(&shoulder.is_cracked) {
                 let Some(label) = label else { continue };
                 for ((scores, labels), score) in scores.iter_mut().zip(by_discriminator).filter(|(_, s)| s.is_finite())
@@ -105,8 +108,9 @@ fn learned(pattern: &Pattern, shoulders: &[Shoulder], directions: Directions) ->
         let sound = labels.len() - cracked;
         let signed = auc(&scores, &labels)?;
         let rising = if directions.of(which) == Direction::Rises { signed } else { 1.0 - signed };
-        // For scores that say nothing, the AUC has the variance (m + n + 1)/(12 m n) (Mann and Whitney 1947).
-        let (m, n) = (cracked as f64, sound as f64);
+        // For scores that say nothing, the AUC has the variance (m + n + 1)/(12 m n) (Mann and Whitney 1947). Neighbours are alike, damaged
+        // or not: the locations of a crack count as one.
+        let (m, n) = (f64::from(crack_count), sound as f64);
         let error = ((m + n + 1.0) / (12.0 * m * n)).sqrt();
         let is_sure = cracked >= CLASS_MIN && sound >= CLASS_MIN && (rising - 0.5).abs() > SURE_AT * error;
         Some((which, Learned { auc: rising, is_sure }))
@@ -124,9 +128,18 @@ fn summed_up(config: &FuseConfig, pattern: &Pattern, shoulders: &[Shoulder], fit
                 |values: Vec<f64>| median(&mut values.into_iter().filter(|x| x.is_finite()).collect::<Vec<_>>());
             let values = |turn: &Turn| turn.values.iter().filter_map(|v| v.get(discriminator)).collect();
             let level = median_of(turns().filter_map(|turn| median_of(values(turn))).collect());
-            let logs: Vec<f64> = turns().filter_map(|turn| median_of(turn.log(discriminator).to_vec())).collect();
+            // The turns of a casing are alike.
+            let of_casing = |casing: &[Shoulder]| {
+                let turns =
+                    casing.iter().flat_map(|shoulder| &shoulder.turns).filter(|turn| turn.condition == condition);
+                mean(turns.filter_map(|turn| median_of(turn.log(discriminator).to_vec())))
+            };
+            let logs: Vec<f64> = shoulders.chunk_by(|a, b| a.casing == b.casing).filter_map(of_casing).collect();
             let level_spread = mean_and_sd(&logs).filter(|_| logs.len() > 2).map(|(_, sd)| sd);
             let Some((level, spread)) = level.zip(fitted.index.sigma(condition, d)) else { continue };
+            // The logarithm of a ratio is that of x/(1-x), which changes by dx/(x (1-x)).
+            let of_value = if discriminator == Discriminator::Pr { 1.0 - level } else { 1.0 };
+            let (spread, level_spread) = (spread * of_value, level_spread.map(|sd| sd * of_value));
             scales.push(ScaleLine { offset_mm, velocity_m_per_s, discriminator, level, spread, level_spread });
         }
     }

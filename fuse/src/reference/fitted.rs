@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::arcs::limits::Limits;
+use crate::arcs::limits::{Limits, of_whole_ring};
 use crate::arcs::statistic::ArcStatistic;
 use crate::arcs::white::{self, White};
 use crate::evidence::has_value;
@@ -31,7 +31,8 @@ pub(crate) struct FittedReference {
     pub levels: Option<Levels>,
     /// How many casings the limits rest on; none where shoulders are their own reference.
     pub casing_count: usize,
-    /// Strongest arc of each of its shoulders, judged by other casings, and the number of its casing.
+    /// Strongest arc of each of its shoulders, judged by other casings, and the number of its casing. Of a shoulder with known cracks, the
+    /// one to expect if all of it were sound.
     pub strongest: Vec<(usize, f64)>,
     /// How far the places of its shoulders differ; `None` where shoulders are their own reference, or the index does not measure it.
     pub scatter_limits: Option<ScatterLimits>,
@@ -48,12 +49,17 @@ impl FittedReference {
         let all: Vec<&Shoulder> = shoulders.iter().collect();
         let Learned { index, statistic, own_scores, sound_scores: scores } = learn(&setup, offsets, &all)?;
         let casings: Vec<&[Shoulder]> = shoulders.chunk_by(|a, b| a.casing == b.casing).collect();
-        let casing_count = if setup.is_own { 0 } else { casings.len() };
-        let left_out: Vec<LeftOut> = if casing_count < 2 { Vec::new() } else { left_out(&setup, offsets, &casings) };
-        let strongest: Vec<(usize, f64)> = left_out.iter().map(|of| (of.casing, of.strongest)).collect();
+        let left_out: Vec<LeftOut> =
+            if setup.is_own || casings.len() < 2 { Vec::new() } else { left_out(&setup, offsets, &casings) };
+        // One that is cracked all round says nothing of sound arcs.
+        let casing_count = match casings.len() {
+            _ if setup.is_own => 0,
+            1 => 1,
+            _ => left_out.chunk_by(|a, b| a.casing == b.casing).count(),
+        };
         let place_count = shoulders.first()?.place_count();
-        let scatter_limits = match casing_count {
-            0 => None,
+        let scatter_limits = match casings.len() {
+            _ if setup.is_own => None,
             1 => ScatterLimits::by(&scores.iter().collect::<Vec<_>>(), place_count),
             _ => ScatterLimits::by(&left_out.iter().map(|of| &of.scores).collect::<Vec<_>>(), place_count),
         };
@@ -68,6 +74,8 @@ impl FittedReference {
             return None;
         }
         let white = white::strongest_arcs(&statistic, ring, pattern, value_count)?;
+        let strongest: Vec<(usize, f64)> =
+            left_out.iter().map(|of| (of.casing, of_whole_ring(of.strongest, of.part, white))).collect();
         let values: Vec<f64> = strongest.iter().map(|(_, value)| *value).collect();
         let limits = Limits::by(&values, casing_count, white);
         let sound =
@@ -87,7 +95,7 @@ impl FittedReference {
         })
     }
 
-    /// The least rate of false calls that it supports without assuming a distribution; `None` of fewer than two casings.
+    /// [`supported_rate`] of its casings.
     pub(crate) fn supported_rate(&self) -> Option<f64> {
         supported_rate(self.casing_count)
     }
@@ -178,6 +186,8 @@ struct LeftOut {
     casing: usize,
     /// How far its strongest arc stands out.
     strongest: f64,
+    /// The part of its places that could have such an arc: those that have scores and are not known to be cracked.
+    part: f64,
     scores: Scores,
 }
 
@@ -213,7 +223,8 @@ fn judged_by(learned: &Learned, casing: &[Shoulder]) -> Vec<LeftOut> {
     let of = |(shoulder, mut scores): (&Shoulder, Scores)| {
         scores.hide(&shoulder.sound());
         let strongest = statistic.strongest(&shoulder.ring, &statistic.maps(&scores.by_offset))?.value;
-        Some(LeftOut { casing: shoulder.casing, strongest, scores })
+        let part = scores.places_shown() as f64 / shoulder.place_count() as f64;
+        Some(LeftOut { casing: shoulder.casing, strongest, part, scores })
     };
     casing.iter().zip(index.scores(&own)).filter_map(of).collect()
 }

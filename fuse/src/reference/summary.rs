@@ -17,9 +17,9 @@ pub struct Summary {
     pub cracked_count: usize,
     /// Casings that the limits rest on.
     pub casing_count: usize,
-    /// Lowest rate of false calls that they support without an assumed distribution; `None` for one casing.
+    /// Lowest rate of false calls that they support; `None` for fewer than two casings.
     pub supported_rate: Option<f64>,
-    /// Strongest arc of each shoulder, judged by the other casings.
+    /// Strongest arc of each shoulder, judged by the other casings; with known cracks, the one to expect if all of it were sound.
     pub strongest: Vec<f64>,
     /// Serial numbers of casings that stand out from the others: they may be cracked, and the limits rest on them.
     pub standing_out: Vec<String>,
@@ -47,6 +47,6 @@ pub struct ScaleLine {
     pub level: f64,
     /// Robust standard deviation of a tap about its turn's level, as a fraction of it.
     pub spread: f64,
-    /// Standard deviation of the turns' levels, as a fraction of them; `None` of fewer than three.
+    /// Standard deviation of the casings' levels, as a fraction of them; `None` of fewer than three.
     pub level_spread: Option<f64>,
 }

@@ -3,10 +3,11 @@
 use crate::verdict::whole_shoulder::CASINGS_MIN;
 use crate::{FuseConfig, Reference, ReferenceSet};
 
-/// The least rate of false calls that `casing_count` casings support without assuming a distribution; `None` for fewer than two.
+/// The least rate of false calls that `casing_count` casings support; `None` for fewer than two.
 ///
-/// Each of n + 1 sound casings is as likely as any other to have the strongest arc. The shoulders of a casing may be alike, so they
-/// do not count twice.
+/// Each of n + 1 sound casings is as likely as any other to have the strongest arc, so n casings show which arc is reached at a rate of
+/// 1/(n + 1). A limit for a lower rate rests on the assumed distribution alone. The shoulders of a casing may be alike, so they do not count
+/// twice.
 pub(crate) fn supported_rate(casing_count: usize) -> Option<f64> {
     (casing_count > 1).then(|| 1.0 / (casing_count as f64 + 1.0))
 }
@@ -38,7 +39,7 @@ fn remark(casing_count: usize, name: &str, rate: f64) -> Option<String> {
     let noise = format!("{} is that of white noise", percent(rate));
     match supported_rate(casing_count) {
         Some(supported) if rate < supported => Some(format!(
-            "{name}: {casing_count} casings support {} without assumption; {} is extrapolated",
+            "{name}: {casing_count} casings support {}; {} is extrapolated",
             percent(supported),
             percent(rate)
         )),
@@ -58,7 +59,7 @@ mod tests {
     fn a_remark_says_what_casings_support() {
         // Catches a rate that nobody vouches for, one that is supported and remarked, and digits that say nothing.
         assert_eq!(remark(12, "r", 0.08), None);
-        let text = "r: 12 casings support 7.692 % without assumption; 0.1 % is extrapolated";
+        let text = "r: 12 casings support 7.692 %; 0.1 % is extrapolated";
         assert_eq!(remark(12, "r", 0.001).as_deref(), Some(text));
         assert!(remark(1, "r", 0.3).is_some_and(|text| text.contains("one casing supports no rate")));
         assert!(remark(0, "r", 0.3).is_some_and(|text| text.contains("its own reference")));

@@ -6,8 +6,8 @@ use tapline_wire::{Plan, TapId};
 
 /// A velocity this much above the next lower one starts a new class.
 ///
-/// Planned velocities lie 10 % or more apart; measured ones that replace a planned one
-/// scatter by less than this.
+/// Planned velocities lie 10 % or more apart. Measured ones that replace a planned one scatter, so that a class may span more than this; but
+/// neighbours among them lie closer together.
 const CLASS_GAP: f64 = 1.05;
 
 /// The conditions of a set of taps.

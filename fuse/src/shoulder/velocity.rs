@@ -6,7 +6,8 @@
 
 use tapline_wire::{Discriminator, Values};
 
-/// Greatest standard error of an exponent that is used: a velocity that is 5 % off then costs 0.5 % of a value at most.
+/// Greatest standard error of an exponent that is used. The error of measured velocities is not in it: it makes an exponent too small, by
+/// the part of the velocities' variance that is error.
 const STANDARD_ERROR_MOST: f64 = 0.1;
 
 /// A quantity that goes as a power of the velocity, in each of several groups with a factor of its own.

@@ -11,8 +11,9 @@ use crate::stats::{self, mean, median};
 /// Independent of the microphone's gain.
 const FREE_OF_GAIN: [Discriminator; 3] = [Discriminator::FMax, Discriminator::Tau, Discriminator::Pr];
 
-/// Fewest casings that a covariance of levels is taken from.
-pub(crate) const CASINGS_MIN: usize = 5;
+/// Fewest casings that a covariance of levels is taken from. With fewer, so few degrees of freedom are left for three discriminators that
+/// damage all round would pass: by 5 casings a level is rarer than 0.1 % only beyond 130 standard deviations, by 8 beyond 16.
+pub(crate) const CASINGS_MIN: usize = 8;
 
 /// At least one place in this many must give the level.
 const PLACES_PART: usize = 5;
@@ -133,8 +134,8 @@ impl Spread {
         Some(if 2.0 * least < 1.0 { 2.0 * least } else { 1.0 })
     }
 
-    /// The spread of the levels of `shoulders`, whose means are in `levels`; `None` with fewer than five casings, or where their levels do
-    /// not vary.
+    /// The spread of the levels of `shoulders`, whose means are in `levels`; `None` with fewer than [`CASINGS_MIN`] casings, or where their
+    /// levels do not vary.
     fn fit(levels: &Levels, shoulders: &[&SoundPlaces<'_>]) -> Option<Self> {
         let has = |which: &Discriminator| {
             shoulders.iter().all(|of| of.shoulder.turns.iter().any(|turn| level(of, turn, *which).is_some()))
@@ -200,7 +201,7 @@ mod tests {
         const WIDTH: usize = FREE_OF_GAIN.len();
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut draw = || -> Vec<f64> { StandardNormal.sample_iter(&mut rng).take(WIDTH).collect() };
-        for (count, has_other) in [(5, false), (12, false), (8, true)] {
+        for (count, has_other) in [(8, false), (12, false), (8, true)] {
             let mut below = 0;
             for _ in 0..4000 {
                 let casings: Vec<Vec<f64>> = (0..count).map(|_| draw()).collect();
