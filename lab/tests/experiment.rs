@@ -21,7 +21,7 @@ fn what_is_committed_is_what_the_program_finds() {
     for (name, made) in made.iter().filter(|(name, _)| !name.ends_with(".svg")) {
         let tolerance = if name.starts_with("fig76") || !name.starts_with("fig") { 0.011 } else { 1e-6 };
         if let Some(difference) = difference(&kept[name], made, tolerance) {
-            panic!("{name}: {difference}: run `tapline-lab experiment --out docs/experiment`");
+            panic!("{name}: {difference}: run `tapline-lab experiment --out docs/experiment --force`");
         }
     }
 }

@@ -22,7 +22,7 @@ fn committed_figures_are_up_to_date() {
     for number in NUMBERS {
         let table = format!("fig{number}.csv");
         if let Some(difference) = difference(&kept[&table], &drawn[&table], 1e-6) {
-            panic!("{table}: {difference}: run `tapline-lab figures --out docs/figures`");
+            panic!("{table}: {difference}: run `tapline-lab figures --out docs/figures --force`");
         }
         for text in [&kept, &drawn].map(|files| &files[&format!("fig{number}.svg")]) {
             assert!(

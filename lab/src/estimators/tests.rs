@@ -70,6 +70,6 @@ fn default_estimators_keep_their_limits() {
 /// Catches a page that does not show the committed table.
 #[test]
 fn the_page_shows_the_table() {
-    assert!(markdown(&rows()) == text(&docs("estimators.md")), "run `tapline-lab estimators`");
+    assert!(markdown(&rows()) == text(&docs("estimators.md")), "run `tapline-lab estimators --force`");
     assert_eq!(csv(&rows()).unwrap(), text(&docs("estimators.csv")));
 }
