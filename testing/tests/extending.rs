@@ -31,7 +31,7 @@ fn parts_are_where_the_page_says() {
     assert_eq!(count, 6, "the rows of the page");
 }
 
-/// Adds the sources below `folder` that name `part` outside their tests and comments.
+/// Adds the sources below `folder` that name `part` outside their tests and comments, and the configurations that have it as a key.
 fn find(folder: &Path, root: &Path, part: &str, found: &mut BTreeSet<String>) {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
@@ -44,10 +44,16 @@ fn find(folder: &Path, root: &Path, part: &str, found: &mut BTreeSet<String>) {
         }
         let text = fs::read_to_string(&path).unwrap_or_default();
         let code = text.split("#[cfg(test)]\nmod tests").next().unwrap();
-        let is_named = |line: &str| names(&line.split("//").next().unwrap().to_lowercase(), part);
+        let is_source = name.ends_with(".rs");
+        // The value of a key only chooses among parts.
+        let after: &[&str] = if is_source { &["//"] } else { &["#", "="] };
+        let is_named = |line: &str| {
+            let named = after.iter().fold(line, |rest, mark| rest.split(*mark).next().unwrap());
+            names(&named.to_lowercase(), part)
+        };
         let is_test = name.ends_with("tests.rs") || TESTS.contains(&name);
         let is_its_own = name.strip_suffix(".rs") == Some(part);
-        if name.ends_with(".rs") && !is_test && (is_its_own || code.lines().any(is_named)) {
+        if (is_source || name.ends_with(".toml")) && !is_test && (is_its_own || code.lines().any(is_named)) {
             found.insert(path.strip_prefix(root).unwrap().to_str().unwrap().to_owned());
         }
     }
