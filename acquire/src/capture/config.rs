@@ -40,9 +40,9 @@ pub struct CaptureConfig {
     pub force_channel: u16,
     /// The channel with the sound, from 1.
     pub sound_channel: u16,
-    /// Samples of a record before the force reaches the trigger level.
+    /// Samples of a record before the pulse begins.
     pub pre_trigger_samples: u32,
-    /// Samples of a record, including those before the trigger.
+    /// Samples of a record, including those before the pulse.
     pub sample_count: u32,
     /// Distance from the impact to the microphone; unknown if left out.
     pub microphone_distance_m: Option<f64>,
