@@ -46,7 +46,8 @@ pub(crate) struct UplinkArgs {
     pub site: Site,
     #[command(flatten)]
     pub server: ServerArgs,
-    /// End once a centre has answered for every file now present; code 3 if it refused one, 1 if there were only errors for a minute.
+    /// End once a centre has answered for every file now present; code 3 if it refused one or one cannot be read, 1 if there were only
+    /// errors for a minute.
     #[arg(long)]
     pub once: bool,
     /// Also send files again that a centre has refused, but none that it has received.
@@ -66,7 +67,7 @@ pub(crate) struct CollectArgs {
     pub from: String,
     #[command(flatten)]
     pub server: ServerArgs,
-    /// End when no file waits; code 1 if there were only errors for a minute.
+    /// End when no file waits; code 3 if one was refused, 1 if there were only errors for a minute.
     #[arg(long)]
     pub once: bool,
     /// Print what becomes of each file as a line of JSON.
