@@ -15,17 +15,20 @@ pub enum LogFormat {
     Json,
 }
 
+/// Heading of these options in the help of each verb: it keeps them apart from the options of the verb.
+const MESSAGES: &str = "Messages";
+
 /// How much a program logs as it works, and its format.
 #[derive(Debug, Clone, Copy, Args)]
 pub struct LogArgs {
     /// Format of the log on standard error; TAPLINE_LOG sets its level (error, warn, info, debug).
-    #[arg(long, global = true, value_enum, value_name = "FORMAT", default_value_t)]
+    #[arg(long, global = true, value_enum, value_name = "FORMAT", default_value_t, help_heading = MESSAGES)]
     pub log: LogFormat,
     /// Print more on standard error: -v what is done, -vv everything.
-    #[arg(short, long, global = true, action = ArgAction::Count, conflicts_with = "quiet")]
+    #[arg(short, long, global = true, action = ArgAction::Count, conflicts_with = "quiet", help_heading = MESSAGES)]
     pub verbose: u8,
     /// Print only errors on standard error: no progress, no remarks, no warnings.
-    #[arg(short, long, global = true)]
+    #[arg(short, long, global = true, help_heading = MESSAGES)]
     pub quiet: bool,
 }
 
