@@ -127,7 +127,7 @@ pub(crate) struct ExportArgs {
     /// Archives or files of results, or folders of archives.
     #[arg(required = true)]
     pub archives: Vec<PathBuf>,
-    /// What to write.
+    /// What to write; it follows the archives, without an option between them.
     #[arg(value_enum, value_name = "WHAT")]
     pub what: What,
     /// Format; if left out, csv for a table and wav for the taps.

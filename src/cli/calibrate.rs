@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-use tapline_host::arguments::ForceArgs;
 use tapline_wire::Channel;
 
 use crate::cli::one_of;
@@ -76,14 +75,15 @@ pub(crate) struct HeardArgs {
 /// Where the calibration is kept.
 #[derive(Debug, Args)]
 pub(crate) struct WrittenArgs {
-    /// The calibration file of the station; its other channel stays as it is, with --force too.
+    /// The calibration file of the station; its other channel stays as it is.
     #[arg(long)]
     pub out: PathBuf,
     /// For how many days it is valid.
     #[arg(long, default_value_t = 365, allow_negative_numbers = true)]
     pub valid_days: u16,
-    #[command(flatten)]
-    pub force: ForceArgs,
+    /// Replace this channel's calibration in the file.
+    #[arg(long)]
+    pub force: bool,
     /// Print the calibration as JSON.
     #[arg(long)]
     pub json: bool,

@@ -69,6 +69,8 @@ pub(crate) enum Verb {
         json: bool,
     },
     /// Show what the sound card of a station gives: levels, the last tap, and what is found in it.
+    ///
+    /// Arrow keys change the trigger level, r clears, q ends.
     Monitor {
         /// The configuration with the station.
         #[arg(long)]
@@ -163,7 +165,7 @@ pub(crate) enum Verb {
         /// Also show this shoulder's verdict; of several archives, only the one that has it.
         #[arg(long, value_name = "TYRE/SHOULDER")]
         shoulder: Option<String>,
-        /// Also show the index of this location, and the values of every tap.
+        /// Also show the index of this location, and the values of each of its taps.
         #[arg(long, requires = "shoulder", allow_negative_numbers = true)]
         location: Option<u32>,
         #[command(flatten)]

@@ -79,7 +79,7 @@ fn present(written: &WrittenArgs, channel: Channel) -> Result<CalibrationFile> {
         Channel::Force => &file.force,
         Channel::Sound => &file.sound,
     };
-    if of_channel.is_some() && force.existing() == Existing::Keep {
+    if of_channel.is_some() && !force {
         bail!(
             "{} has a calibration of the {} already: replace it with --force, which keeps the other channel, or give another file",
             out.display(),
