@@ -113,7 +113,7 @@ pub struct TapHeader {
     pub velocity_measured_m_per_s: f64,
     /// Nominal impact velocity, [`crate::Plan::velocity_nominal_m_per_s`]; NaN where the plan has none.
     pub velocity_nominal_m_per_s: f64,
-    /// Distance D from impact to microphone in m, 0 where it does not matter.
+    /// Distance D from impact to microphone in m, 0 where it was not given.
     pub microphone_distance_m: f64,
     /// Samples before the trigger, p.
     pub pre_trigger_samples: u32,
