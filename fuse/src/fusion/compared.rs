@@ -146,13 +146,21 @@ impl Fusion {
             None => fitted_to(&shoulders_of(self.groups.reference(scan)), false),
         };
         let by_reference = fitted.map(|fitted| Comparison::new(fitted, &shoulders));
-        let scatters_more = |number: usize| {
-            let view = by_reference.as_ref().map(|comparison| View::new(&shoulders[number], number, comparison));
-            view.is_some_and(|view| view.scatters_more(self.config.re_inspect_rate))
+        let holds = |by: &Option<Comparison>, of: &dyn Fn(View<'_>) -> bool| -> Vec<bool> {
+            let view = |number| by.as_ref().map(|comparison| View::new(&shoulders[number], number, comparison));
+            (0..shoulders.len()).map(|number| view(number).is_some_and(of)).collect()
         };
-        let is_scatter_off: Vec<bool> = (0..shoulders.len()).map(scatters_more).collect();
-        let itself = if is_scatter_off.contains(&true) { fitted_to(&shoulders, true) } else { None };
+        let mut is_scatter_off = holds(&by_reference, &|view| view.scatters_more());
+        let is_doubtful = holds(&by_reference, &|view| view.is_doubtful(&self.config));
+        let is_any = is_scatter_off.contains(&true) || is_doubtful.contains(&true);
+        let itself = if is_any { fitted_to(&shoulders, true) } else { None };
         let by_itself = itself.map(|fitted| Comparison::new(fitted, &shoulders));
+        // What both comparisons reject is damage, and stays on the scales of the reference, which are those of all other shoulders.
+        let [by_one, by_other] =
+            [&by_reference, &by_itself].map(|by| holds(by, &|view| view.is_rejected(&self.config, self.plan.geometry)));
+        for (number, is_off) in is_scatter_off.iter_mut().enumerate() {
+            *is_off |= is_doubtful[number] && !(by_one[number] && by_other[number]);
+        }
         Compared { scans, shoulders, conditions, by_reference, is_scatter_off, by_itself }
     }
 

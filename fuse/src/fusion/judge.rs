@@ -221,13 +221,21 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Whether the places of the shoulder differ from one another more than those of sound ones do.
-    ///
-    /// Where an arc reaches the re-inspect limit, less scatter suffices: compared with its own casing such a shoulder does not pass either.
-    pub(super) fn scatters_more(&self, re_inspect_rate: f64) -> bool {
-        let Some(limits) = &self.fitted.scatter_limits else { return false };
-        let is_called = || !self.arcs(self.fitted.limits.at(re_inspect_rate)).is_empty();
-        limits.are_exceeded(self.scores) || limits.are_doubtful(self.scores) && is_called()
+    /// Whether the places of the shoulder differ from one another more than those of any sound one.
+    pub(super) fn scatters_more(&self) -> bool {
+        self.fitted.scatter_limits.as_ref().is_some_and(|limits| limits.are_exceeded(self.scores))
+    }
+
+    /// Whether they differ as those of few sound ones do, and an arc reaches the re-inspect limit, which may be due to that.
+    pub(super) fn is_doubtful(&self, config: &FuseConfig) -> bool {
+        let is_called = || !self.arcs(self.fitted.limits.at(config.re_inspect_rate)).is_empty();
+        self.fitted.scatter_limits.as_ref().is_some_and(|limits| limits.are_doubtful(self.scores)) && is_called()
+    }
+
+    /// Whether an arc is damage by the reject limit.
+    pub(super) fn is_rejected(&self, config: &FuseConfig, geometry: Geometry) -> bool {
+        let limit_reject = self.fitted.limits.at(config.reject_rate);
+        self.arcs(limit_reject).iter().any(|(arc, second)| is_damage(arc, *second, geometry, limit_reject))
     }
 
     /// The arcs that reach `limit`, each with what its second reading alone shows, but those that it clears.
@@ -287,10 +295,7 @@ impl<'a> View<'a> {
         let can_be_damage = !self.is_scatter_off || self.fitted.setup.is_own;
         let mut is_inside = vec![false; ring.len()];
         for (arc, second) in &arcs {
-            // A location on a line is isolated between distant ones: it is inspected again before it leads to REJECT.
-            let is_alone = geometry == Geometry::Line && arc.length < 2;
-            let is_confirmed = second.is_none_or(|value| value >= CONFIRMED_SD);
-            let is_damage = arc.value >= judgement.limit_reject && is_confirmed && !is_alone && can_be_damage;
+            let is_damage = can_be_damage && is_damage(arc, *second, geometry, judgement.limit_reject);
             judgement.reasons.insert(if is_damage { Reasons::DAMAGE } else { Reasons::SUSPECT });
             ring.from(arc.start).take(arc.length).for_each(|place| is_inside[place] = true);
         }
@@ -425,6 +430,13 @@ impl<'a> View<'a> {
             }
         }
     }
+}
+
+/// Whether an arc that reaches the re-inspect limit is damage; `second` is what its second reading alone shows.
+fn is_damage(arc: &Arc, second: Option<f64>, geometry: Geometry, limit_reject: f64) -> bool {
+    // A location on a line is isolated between distant ones: it is inspected again before it leads to REJECT.
+    let is_alone = geometry == Geometry::Line && arc.length < 2;
+    arc.value >= limit_reject && second.is_none_or(|value| value >= CONFIRMED_SD) && !is_alone
 }
 
 /// A damage map of `planned` in which nothing is known but the locations, in their order.

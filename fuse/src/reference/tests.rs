@@ -398,6 +398,19 @@ fn a_casing_that_is_noisier_than_the_reference_is_compared_with_itself() {
 }
 
 #[test]
+fn damage_by_both_comparisons_stays_on_the_scale_of_the_reference() {
+    // Catches a crack whose strength is stated now by the reference and now by the casing itself, where the rig scatters somewhat more: by
+    // scatter alone all of these would be compared with themselves.
+    let set = set_of(sound(8));
+    let casing =
+        Casing { tap_sd: 1.3, cracks: vec![(1, 40..46)], shift: 12.0, repetition_count: 1, ..Casing::default() };
+    for seed in 0..10 {
+        let (verdict, reasons, _) = judged(&set, &file(), &casing, seed);
+        assert!(verdict == Verdict::Reject && !reasons.contains(Reasons::SCATTER_OFF), "{seed}: {verdict} {reasons}");
+    }
+}
+
+#[test]
 fn damage_of_most_places_is_no_noise() {
     // Catches a scatter that damage raises: by its own casing half of both shoulders is no damage. And a reference whose cracks are known
     // and that does not recognise noise any more.
