@@ -4,13 +4,11 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context as _, Result};
-use clap::{CommandFactory as _, Parser, Subcommand};
-use tapline_host::arguments::{ForceArgs, LogArgs};
-use tapline_host::atomic_file::check_folder;
+use clap::{Parser, Subcommand};
+use tapline_host::arguments::LogArgs;
+use tapline_host::log;
 use tapline_host::messages::print_failure;
 use tapline_host::signals::end_on_signals;
-use tapline_host::stdout::Stdout;
-use tapline_host::{generated, log};
 use tapline_lab::chart::ChartArgs;
 use tapline_lab::headroom::HeadroomArgs;
 use tapline_lab::pod::PodArgs;
@@ -79,18 +77,6 @@ enum Verb {
         #[command(flatten)]
         written: WrittenArgs,
     },
-    /// Print a script that completes verbs and options in a shell.
-    Completions {
-        /// The shell.
-        shell: clap_complete::Shell,
-    },
-    /// Write the manual pages, one for each verb.
-    Man {
-        /// Folder to write into; created if it does not exist.
-        folder: PathBuf,
-        #[command(flatten)]
-        force: ForceArgs,
-    },
 }
 
 /// Nothing was done: the arguments are wrong, or a variable of the environment.
@@ -135,13 +121,6 @@ fn dispatch(verb: &Verb) -> Result<bool> {
         Verb::Figures { out, figure, written } => figures::figures(out, *figure, *written),
         Verb::Estimators { out, written } => estimators::write(out, *written),
         Verb::Stability { out, written } => stability::write(out, *written),
-        Verb::Completions { shell } => {
-            generated::completions(Cli::command(), *shell, &mut Stdout).context("cannot write to standard output")
-        }
-        Verb::Man { folder, force } => {
-            check_folder(folder, force.existing())?;
-            Ok(generated::manual(Cli::command(), folder)?)
-        }
     };
     done.map(|()| true)
 }

@@ -22,12 +22,3 @@ fn figures_are_overwritten_only_by_force() {
     assert_eq!(files[1]["file"], "drawn/fig26.csv", "{printed}");
     assert_ne!(fs::read_to_string(&path).unwrap(), "kept");
 }
-
-/// Catches a verb of researchers without a manual page, or completions without it.
-#[test]
-fn there_are_manual_pages_and_completions() {
-    let sandbox = Sandbox::new();
-    sandbox.run("man pages").expect(0);
-    assert!(fs::read_to_string(sandbox.path("pages/tapline-lab-study.1")).unwrap().contains("tapline\\-lab study"));
-    assert!(sandbox.run("completions bash").expect(0).out.contains("estimators"));
-}
