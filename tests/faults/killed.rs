@@ -110,19 +110,6 @@ fn stages_are_killed_alone_and_by_twos() {
     assert_whole(&sandbox, "paced", &expected);
 }
 
-/// Kills each stage again and again, at moments that differ from run to run.
-#[test]
-fn every_stage_is_killed_in_one_run() {
-    let (sandbox, expected) = undisturbed(SCAN);
-    let line = start(&sandbox, TAPS_PER_S);
-    for words in ["process", "store", "fuse", "acquire-0", "store", "process"] {
-        signal(stage(&line, words), Signal::KILL);
-        std::thread::sleep(Duration::from_millis(u64::from(std::process::id() % 7) * 30));
-    }
-    finish(line).expect(0);
-    assert_whole(&sandbox, "paced", &expected);
-}
-
 /// A stage that is killed when nearly everything is sent does not delay the end.
 #[test]
 fn stages_are_killed_at_the_end() {
