@@ -102,7 +102,7 @@ fn assert_flagged(flag: Quality, what: &str, plant: impl Fn(usize, &mut Tap) -> 
     }
 }
 
-/// Catches a flag that cries wolf: no flag in more than 1 of 100 clean taps, over cracks too, of either simulator.
+/// Catches a flag that cries wolf: at most 1 of 100 clean taps has one, over cracks too, of either simulator.
 #[test]
 fn clean_taps_are_clean() {
     assert_clean("model", &OF_MODEL);
@@ -120,14 +120,13 @@ fn clean_taps_are_clean_at_low_rates() {
 
 #[track_caller]
 fn assert_clean(name: &str, taps: &[Tap]) {
-    let flags: Vec<Quality> = taps.iter().map(Tap::flags).collect();
-    for &(flag, flag_name) in Quality::ALL {
-        let raised = flags.iter().filter(|quality| quality.contains(flag)).count();
-        if raised > 0 {
-            eprintln!("{name}: {flag_name} in {raised} of {} clean taps", taps.len());
-        }
-        assert!(100 * raised <= taps.len(), "{name}: {flag_name} in {raised} of {} clean taps", taps.len());
-    }
+    let flagged: Vec<Quality> = taps.iter().map(Tap::flags).filter(|quality| !quality.is_empty()).collect();
+    assert!(
+        100 * flagged.len() <= taps.len(),
+        "{name}: of {} clean taps {} have a flag: {flagged:?}",
+        taps.len(),
+        flagged.len()
+    );
 }
 
 /// Catches a short record that is compared with whole ones: its powers are averages over another time.

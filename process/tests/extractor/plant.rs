@@ -19,12 +19,7 @@ pub(crate) fn rig() -> SimulationConfig {
     SimulationConfig { sample_count: N as u32, ..SimulationConfig::default() }
 }
 
-/// `count` taps of four sound and four cracked tyres, at three velocities and four offsets, on the [`rig`].
-pub(crate) fn simulated(count: u32) -> Vec<Tap> {
-    simulated_on(&rig(), count)
-}
-
-/// As [`simulated`], on the rig of `config`.
+/// `count` taps of four sound and four cracked tyres, at three velocities and four offsets, on the rig of `config`.
 pub(crate) fn simulated_on(config: &SimulationConfig, count: u32) -> Vec<Tap> {
     let mut rig = rig_with_tyres(config, 3);
     (0..count).map(|k| tap_on(&mut rig, k)).collect()
@@ -32,7 +27,7 @@ pub(crate) fn simulated_on(config: &SimulationConfig, count: u32) -> Vec<Tap> {
 
 /// Taps of the simulated rig, without those whose velocity happens to be off; faults are planted in them.
 pub(crate) static TAPS: LazyLock<Vec<Tap>> = LazyLock::new(|| {
-    let mut taps = simulated(160);
+    let mut taps = simulated_on(&rig(), 160);
     taps.retain(|tap| !tap.flags().contains(Quality::VELOCITY_OFF));
     taps
 });

@@ -10,44 +10,6 @@ use crate::other_rig;
 use crate::plant::*;
 use crate::signal::values;
 
-/// Catches a rule that mistakes physics, noise or the scatter of tyres for a fault. Over cracks too, where the layer
-/// springs back, no flag is raised in more than one of a hundred taps.
-#[test]
-fn clean_taps_are_clean() {
-    for (length, taps) in [("0.4 s", simulated(2000)), ("50 ms", simulated_on(&SimulationConfig::default(), 2000))] {
-        let flags: Vec<Quality> = taps.iter().map(Tap::flags).collect();
-        for &(flag, name) in Quality::ALL {
-            let raised = flags.iter().filter(|quality| quality.contains(flag)).count();
-            assert!(raised <= 20, "{length}: {name} in {raised} of 2000 clean taps");
-            if raised > 0 {
-                eprintln!("{length}: {name} in {raised} of 2000 clean taps");
-            }
-        }
-        let flagged = flags.iter().filter(|quality| !quality.is_empty()).count();
-        eprintln!("{length}: flagged {flagged} of 2000 clean taps");
-        assert!(flagged <= 20, "{length}: {flagged} of 2000 clean taps");
-    }
-}
-
-/// Catches a short record that hides what a long one shows, beyond what `docs/flags.md` says: hum of a tenth of the peak in the
-/// force, and a second hit.
-#[test]
-fn the_default_record_shows_hum_and_second_hits_in_the_force() {
-    for (flag, kind) in [(Quality::HUM, None), (Quality::DOUBLE_HIT, Some(FaultKind::DoubleHit))] {
-        let fault = kind.map(|kind| PlantedFault { kind, fraction: 1.0 }).into_iter().collect();
-        let mut taps = simulated_on(&SimulationConfig { fault, ..SimulationConfig::default() }, 400);
-        if kind.is_none() {
-            for (k, tap) in taps.iter_mut().enumerate() {
-                let amplitude = 0.1 * peak(&tap.force);
-                let hum = |i: usize| amplitude * (TAU * 50.0 * i as f64 / 40_960.0 + 0.7 * k as f64).sin();
-                tap.force.iter_mut().enumerate().for_each(|(i, x)| *x += hum(i));
-            }
-        }
-        let flagged = taps.iter().filter(|tap| tap.flags().contains(flag)).count();
-        assert!(flagged >= 390, "{flag} in {flagged} of 400 taps");
-    }
-}
-
 /// Catches a rule that only fits the simulated tyre: other pulses, rates, formats and scales are clean too.
 #[test]
 fn clean_taps_of_another_rig_are_clean() {
