@@ -6,17 +6,14 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result};
 use serde_json::json;
-use tapline_acquire::{RigReport, RigScript, serve_rig};
+use tapline_acquire::{RigReport, RigScript, read_toml, serve_rig};
 use tapline_host::signals::stop_flag;
 use tapline_host::stdout::Stdout;
 
 /// Serves stations that connect to `listen`, by the script in `config`, until it is asked to stop or the script ends.
 pub(crate) fn rig(listen: &str, config: Option<&Path>, as_json: bool) -> Result<bool> {
     let script: RigScript = match config {
-        Some(path) => {
-            let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-            toml::from_str(&text).with_context(|| format!("{} is not a rig's script", path.display()))?
-        }
+        Some(path) => read_toml(path)?,
         None => RigScript::default(),
     };
     script.validate()?;
