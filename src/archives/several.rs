@@ -1,16 +1,13 @@
-//! Works on several archives at a time.
+//! Works on several archives, or several parts of one, at a time.
 
-use std::collections::BTreeMap;
+use std::collections::VecDeque;
 use std::num::NonZeroUsize;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::{Builder, available_parallelism, scope};
 
 use anyhow::{Context as _, Result};
-use crossbeam::channel::bounded;
+use crossbeam::channel::{Sender, bounded};
 
-use super::ArchiveFile;
-
-/// Files for each thread before all of them are waited for: their results are kept until those of the files before them are taken.
+/// Items for each thread that are begun before the first of them is taken: their results are kept until their turn.
 const AHEAD: usize = 8;
 
 /// How many files can be worked on at a time: one on each core.
@@ -18,92 +15,84 @@ pub(crate) fn cores() -> usize {
     available_parallelism().map_or(1, NonZeroUsize::get)
 }
 
-/// Has `work` done for each of `files`, `jobs` at a time; `take` gets what came of each, in their order.
+/// Has `work` done for each of `items` by `jobs` threads, each with what `init` makes; `take` gets what came of each item, in their
+/// order.
 ///
 /// Not by rayon, which fits references: a thread of its pool that waits for a fit, and holds the lock of the reference meanwhile, may be
 /// given the next file, which needs that lock.
 ///
 /// # Errors
-/// The first of `take`, or that a thread cannot be started.
-pub(crate) fn each<T: Send>(
-    files: &[ArchiveFile],
+/// The first of `init` or `take`, or that a thread cannot be started.
+pub(crate) fn each<I: Sync, S: Send, T: Send>(
+    items: &[I],
     jobs: usize,
-    work: impl Fn(&ArchiveFile) -> T + Sync,
-    mut take: impl FnMut(&ArchiveFile, T) -> Result<()>,
+    init: impl Fn() -> Result<S>,
+    work: impl Fn(&mut S, &I) -> T + Sync,
+    mut take: impl FnMut(&I, T) -> Result<()>,
 ) -> Result<()> {
-    files.chunks(AHEAD * jobs).try_for_each(|files| each_of_some(files, jobs, &work, &mut take))
-}
-
-/// [`each`] of these `files`, whose results may wait for one another.
-fn each_of_some<T: Send>(
-    files: &[ArchiveFile],
-    jobs: usize,
-    work: &(impl Fn(&ArchiveFile) -> T + Sync),
-    take: &mut impl FnMut(&ArchiveFile, T) -> Result<()>,
-) -> Result<()> {
-    let next = AtomicUsize::new(0);
-    let (send, receive) = bounded(jobs);
     scope(|threads| {
-        for number in 0..jobs.min(files.len()) {
-            let (send, next) = (send.clone(), &next);
-            let work = move || {
-                loop {
-                    let number = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(file) = files.get(number) else { return };
-                    tracing::info!("reading {}", file.path.display());
+        let (send, to_do) = bounded::<(&I, Sender<T>)>(AHEAD * jobs);
+        for number in 0..jobs.min(items.len()) {
+            let (mut state, to_do, work) = (init()?, to_do.clone(), &work);
+            let run = move || {
+                for (item, done) in to_do {
                     // After an error of `take` nobody receives.
-                    if send.send((number, work(file))).is_err() {
+                    if done.send(work(&mut state, item)).is_err() {
                         return;
                     }
                 }
             };
-            let thread = Builder::new().name(format!("archive-{number}"));
-            thread.spawn_scoped(threads, work).context("cannot start a thread")?;
+            Builder::new()
+                .name(format!("work-{number}"))
+                .spawn_scoped(threads, run)
+                .context("cannot start a thread")?;
         }
-        drop(send);
-        let (mut early, mut due) = (BTreeMap::new(), files.iter().zip(0..).peekable());
-        for (number, done) in receive {
-            early.insert(number, done);
-            while let Some((file, done)) = due.peek().and_then(|&(file, due)| Some((file, early.remove(&due)?))) {
-                due.next();
-                take(file, done)?;
+        drop(to_do);
+        let (mut rest, mut due) = (items.iter(), VecDeque::new());
+        loop {
+            while due.len() < AHEAD * jobs
+                && let Some(item) = rest.next()
+            {
+                let (done, result) = bounded(1);
+                drop(send.send((item, done))); // without a thread left, `result` has the error
+                due.push_back((item, result));
             }
+            let Some((item, result)) = due.pop_front() else { return Ok(()) };
+            take(item, result.recv().context("a thread has ended")?)?;
         }
-        Ok(())
     })
 }
 
 #[cfg(test)]
 mod tests {
-    use std::path::PathBuf;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    use std::time::Duration;
 
     use anyhow::bail;
 
     use super::*;
 
-    /// Catches files whose results come in the order in which they are ready, and work that goes on after an error.
+    /// Catches items whose results come in the order in which they are ready, and work that goes on after an error.
     #[test]
-    fn several_files_at_a_time_come_in_their_order() {
-        let file = |k: usize| ArchiveFile { path: PathBuf::from(k.to_string()), name: PathBuf::new() };
-        let files: Vec<_> = (0..100).map(file).collect();
+    fn several_at_a_time_come_in_their_order() {
+        let items: Vec<u64> = (0..100).collect();
         for jobs in [1, 3, 200] {
             let mut order = Vec::new();
-            let take = |file: &ArchiveFile, done: PathBuf| {
-                assert_eq!(file.path, done);
+            let take = |&item: &u64, done: u64| {
+                assert_eq!(item, done);
                 order.push(done);
                 if order.len() < 60 { Ok(()) } else { bail!("enough") }
             };
             let begun = AtomicUsize::new(0);
             // The first of each three takes longest.
-            let work = |file: &ArchiveFile| {
+            let work = |(): &mut (), &item: &u64| {
                 begun.fetch_add(1, Ordering::Relaxed);
-                let number: u64 = file.path.to_str().unwrap().parse().unwrap();
-                std::thread::sleep(std::time::Duration::from_micros(300 * (2 - number % 3)));
-                file.path.clone()
+                std::thread::sleep(Duration::from_micros(300 * (2 - item % 3)));
+                item
             };
-            assert_eq!(each(&files, jobs, work, take).unwrap_err().to_string(), "enough");
-            assert!(begun.into_inner() <= 60_usize.next_multiple_of(AHEAD * jobs), "{jobs}");
-            assert!(order.iter().eq(files[..60].iter().map(|file| &file.path)), "{jobs} {order:?}");
+            assert_eq!(each(&items, jobs, || Ok(()), work, take).unwrap_err().to_string(), "enough");
+            assert!(begun.into_inner() <= 60 + AHEAD * jobs, "{jobs}");
+            assert_eq!(order, items[..60], "{jobs}");
         }
     }
 }

@@ -37,8 +37,9 @@ pub(crate) fn report(args: &ReportArgs) -> Result<bool> {
     check_folder(&folder, args.force.existing())?;
     let mut work = Work::on(&archives);
     let (mut shift, mut names, references) = (Shift::default(), BTreeSet::new(), Mutex::default());
-    let pages_of = |file: &ArchiveFile| Pages::of(file, printed.as_ref(), &references);
-    each(&archives.files, cores(), pages_of, |file, pages| {
+    let pages_of = |(): &mut (), file: &ArchiveFile| Pages::of(file, printed.as_ref(), &references);
+    let nothing = || Ok(());
+    each(&archives.files, cores(), nothing, pages_of, |file, pages| {
         work.note_done(file);
         let Some(Pages { reader, evidence, pages }) = work.take(file, pages)? else { return Ok(()) };
         // If it cannot be in the shift it has no pages either.
@@ -71,6 +72,7 @@ struct Pages {
 impl Pages {
     /// Of the archive `file`, with the place and the people of `printed` if that is given.
     fn of(file: &ArchiveFile, printed: Option<&ReportConfig>, references: &Mutex<KeptReferences>) -> Result<Self> {
+        tracing::info!("reading {}", file.path.display());
         let reader = Reader::open(&file.path)?;
         let reference = references.lock().unwrap_or_else(PoisonError::into_inner).of(&reader);
         let mut evidence = Evidence::read(&reader, reference.unwrap_or_default())?;

@@ -6,13 +6,11 @@
 use std::fs::File;
 use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
-use std::thread::{Builder, scope, sleep};
+use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail, ensure};
-use crossbeam::channel::{Sender, bounded};
 use rustix::fs::{Timespec, Timestamps, UTIME_NOW, UTIME_OMIT, futimens};
 use serde_json::json;
 use tapline_fuse::{FuseConfig, Fusion, Reference};
@@ -45,10 +43,7 @@ const NOW: Timespec = Timespec { tv_sec: 0, tv_nsec: UTIME_NOW };
 const OMIT: Timespec = Timespec { tv_sec: 0, tv_nsec: UTIME_OMIT };
 
 /// Taps that a thread takes at a time.
-const TAPS_AT_A_TIME: u32 = 16;
-
-/// Batches of discriminators that may wait for the file.
-const WAITING_MAX: usize = 64;
+const TAPS_AT_A_TIME: usize = 64;
 
 /// Taps after which results are flushed to the disk.
 const FLUSH_TAPS: usize = 256;
@@ -61,10 +56,12 @@ pub(crate) fn reprocess(args: &ReprocessArgs) -> Result<bool> {
     let asked = Asked::new(args, jobs.div_ceil(archives.files.len().clamp(1, jobs)))?;
     let mut work = Work::on(&archives);
     let (begin, mut tap_count, mut read_count) = (Instant::now(), 0, 0);
-    let judge_again = |file: &ArchiveFile| {
+    let judge_again = |(): &mut (), file: &ArchiveFile| {
+        tracing::info!("reading {}", file.path.display());
         again(&file.path, &asked).with_context(|| format!("cannot judge {} again", file.path.display()))
     };
-    each(&archives.files, jobs, judge_again, |file, done| {
+    let nothing = || Ok(());
+    each(&archives.files, jobs, nothing, judge_again, |file, done| {
         work.note_done(file);
         if let Some(results) = work.take(file, done)? {
             work.beside(|| print(args, &file.path, &results))?;
@@ -324,67 +321,32 @@ fn refuse(reader: &Reader, writer: &mut Writer) -> Result<()> {
 fn extract(taps: &Taps, config: &ProcessConfig, writer: &mut Writer, jobs: usize) -> Result<()> {
     let to_do: Vec<u32> =
         (0..).zip(writer.ledger().taps()).filter(|(_, s)| **s == TapState::Missing).map(|(k, _)| k).collect();
-    let next = AtomicU32::new(0);
-    let (send, receive) = bounded::<Result<Vec<Discriminators>>>(WAITING_MAX);
-    scope(|threads| -> Result<()> {
-        for number in 0..jobs.clamp(1, to_do.len().div_ceil(TAPS_AT_A_TIME as usize).clamp(1, JOBS_MAX)) {
-            let (send, next, to_do) = (send.clone(), &next, &to_do[..]);
-            let work = move || work(taps, config, to_do, next, &send);
-            Builder::new()
-                .name(format!("reprocess-{number}"))
-                .spawn_scoped(threads, work)
-                .context("cannot start a thread")?;
-        }
-        drop(send);
-        let mut unflushed = 0;
-        // On an error the receiver is dropped, which ends the threads.
-        for batch in receive {
-            for found in batch? {
-                put(writer, &found)?;
-                unflushed += 1;
-            }
-            if unflushed >= FLUSH_TAPS {
-                writer.flush()?;
-                unflushed = 0;
-            }
-        }
-        Ok(writer.flush()?)
-    })
-}
-
-/// One thread: takes rows until none is left or the receiver is gone.
-fn work(
-    taps: &Taps,
-    config: &ProcessConfig,
-    to_do: &[u32],
-    next: &AtomicU32,
-    send: &Sender<Result<Vec<Discriminators>>>,
-) {
     // Samples that are not analysed need not be unpacked.
     let used = |header: &TapHeader| config.samples_looked_at(header.sample_count, header.sample_rate_hz);
-    let batch =
-        |extractor: &mut ProcessExtractor, room: &mut ReadBuffer, rows: &[u32]| -> Result<Vec<Discriminators>> {
-            let mut found = Vec::with_capacity(rows.len());
-            for &row in rows {
-                if let Some((header, samples)) = taps.read_beginning(row, used, room)? {
-                    found.push(extractor.extract(&header, samples));
-                }
+    let tools = || Ok((ProcessExtractor::new(config)?, ReadBuffer::default()));
+    let extract = |(extractor, room): &mut (ProcessExtractor, ReadBuffer), rows: &&[u32]| {
+        let mut found = Vec::with_capacity(rows.len());
+        for &row in *rows {
+            if let Some((header, samples)) = taps.read_beginning(row, used, room)? {
+                found.push(extractor.extract(&header, samples));
             }
-            Ok(found)
-        };
-    let mut extractor = match ProcessExtractor::new(config) {
-        Ok(extractor) => extractor,
-        Err(error) => return drop(send.send(Err(error.into()))),
-    };
-    let mut room = ReadBuffer::default();
-    loop {
-        let first = next.fetch_add(TAPS_AT_A_TIME, Ordering::Relaxed) as usize;
-        let Some(rest) = to_do.get(first..).filter(|rest| !rest.is_empty()) else { return };
-        let rows = &rest[..rest.len().clamp(1, TAPS_AT_A_TIME as usize)];
-        if send.send(batch(&mut extractor, &mut room, rows)).is_err() {
-            return;
         }
-    }
+        anyhow::Ok(found)
+    };
+    let batches: Vec<&[u32]> = to_do.chunks(TAPS_AT_A_TIME).collect();
+    let mut unflushed = 0;
+    each(&batches, jobs, tools, extract, |_, found| {
+        for found in found? {
+            put(writer, &found)?;
+            unflushed += 1;
+        }
+        if unflushed >= FLUSH_TAPS {
+            writer.flush()?;
+            unflushed = 0;
+        }
+        Ok(())
+    })?;
+    Ok(writer.flush()?)
 }
 
 /// Puts the discriminators of a tap into the results, which must not have others for it.
