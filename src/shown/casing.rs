@@ -1,9 +1,7 @@
 //! Progress of a casing: the counts of its taps, and where they are on its shoulders.
 
-use std::collections::BTreeMap;
-
 use serde::{Deserialize, Serialize};
-use tapline_wire::{Ledger, PlannedTap, Serial, TapState};
+use tapline_wire::{Ledger, PlannedTap, Scan, Serial, TapState};
 
 /// The progress of a casing.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -48,9 +46,6 @@ struct Shoulder {
     location_count: usize,
 }
 
-/// The locations of a shoulder, each with its angle if that is known.
-type Locations = BTreeMap<u32, Option<f64>>;
-
 /// The taps at one location.
 #[derive(Debug, Clone, Copy, Default)]
 struct Count {
@@ -60,41 +55,25 @@ struct Count {
 }
 
 impl Layout {
-    /// The layout of all `taps` of a plan.
-    pub(crate) fn new(taps: &[PlannedTap]) -> Self {
-        let mut scans: Vec<((Serial, u16), Locations)> = Vec::new();
-        let mut scan_of = Vec::with_capacity(taps.len());
-        for tap in taps {
-            let key = (tap.id.tyre, tap.id.shoulder);
-            // Neighbouring rows mostly have the same shoulder: search from the last one.
-            let scan = scans.iter().rposition(|(known, _)| *known == key).unwrap_or_else(|| {
-                scans.push((key, BTreeMap::new()));
-                scans.len() - 1
-            });
-            scan_of.push(scan);
-            if !tap.is_closing() {
-                scans[scan].1.insert(tap.id.location, tap.angle_deg);
+    /// The layout of the `scans` of a plan's `taps`.
+    pub(crate) fn new(taps: &[PlannedTap], scans: &[Scan]) -> Self {
+        let mut places = vec![None; taps.len()];
+        for (number, scan) in scans.iter().enumerate() {
+            for &row in &scan.taps {
+                let (row, tap) = (row as usize, &taps[row as usize]);
+                let place = scan.locations.binary_search_by_key(&tap.id.location, |&(location, _)| location);
+                places[row] = place.ok().filter(|_| !tap.is_closing()).map(|place| (number, place));
             }
         }
-        let place_of: Vec<BTreeMap<u32, usize>> =
-            scans.iter().map(|(_, locations)| locations.keys().copied().zip(0..).collect()).collect();
-        let place = |(tap, &scan): (&PlannedTap, &usize)| {
-            let place = place_of[scan].get(&tap.id.location).filter(|_| !tap.is_closing());
-            place.map(|&place| (scan, place))
+        // A tenth of a degree is finer than any picture shows.
+        let shown_deg = |&(_, angle): &(u32, Option<f64>)| angle.map(|deg| (deg * 10.0).round() / 10.0);
+        let shoulder = |scan: &Scan| Shoulder {
+            tyre: scan.tyre,
+            number: scan.shoulder,
+            angles_deg: scan.locations.iter().map(shown_deg).collect::<Option<_>>().unwrap_or_default(),
+            location_count: scan.locations.len(),
         };
-        let places = taps.iter().zip(&scan_of).map(place).collect();
-        let shoulder = |((tyre, number), locations): ((Serial, u16), Locations)| Shoulder {
-            tyre,
-            number,
-            // A tenth of a degree is finer than any picture shows.
-            angles_deg: locations
-                .values()
-                .map(|angle| angle.map(|deg| (deg * 10.0).round() / 10.0))
-                .collect::<Option<_>>()
-                .unwrap_or_default(),
-            location_count: locations.len(),
-        };
-        Self { shoulders: scans.into_iter().map(shoulder).collect(), places }
+        Self { shoulders: scans.iter().map(shoulder).collect(), places }
     }
 
     /// The shoulders with the states of their taps in `ledger`; without one all are missing.
@@ -140,7 +119,7 @@ pub(crate) fn retaken(ledger: &Ledger) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use tapline_wire::{Purpose, TapId};
+    use tapline_wire::{Purpose, TapId, scans_of};
 
     use super::*;
 
@@ -160,7 +139,8 @@ mod tests {
         }
         taps.push(PlannedTap { purpose: Purpose::Closing, ..tap(1, 3, 0, Some(0.0)) });
         taps.push(tap(2, 7, 0, None));
-        let layout = Layout::new(&taps);
+        let layout_of = |taps: &[PlannedTap]| Layout::new(taps, &scans_of(taps).unwrap());
+        let layout = layout_of(&taps);
         let mut ledger = Ledger::empty(taps.len(), 2);
         assert_eq!(layout.shoulders(None), layout.shoulders(Some(&ledger)));
         for (row, state) in
@@ -175,7 +155,7 @@ mod tests {
         assert_eq!((shown[0].planned, shown[0].settled, shown[1].settled), (6, 4, 1));
         assert_eq!(retaken(&ledger), 3);
         // A plan that has grown has taps that an old ledger does not know.
-        let grown = Layout::new(&[taps, vec![tap(2, 7, 1, None)]].concat());
+        let grown = layout_of(&[taps, vec![tap(2, 7, 1, None)]].concat());
         assert_eq!(grown.shoulders(Some(&ledger))[1].locations, "4");
     }
 }

@@ -78,7 +78,7 @@ pub use plan::digest::digest_of_parts;
 pub use plan::ledger::{Ledger, RETAKES_MAX, ScanState, TapState, end_mark, split_end_mark};
 pub use plan::limits::{CasingLimits, Limits};
 pub use plan::parts::{PlannedTap, Purpose, Recording, Scan, Truth};
-pub use plan::{Plan, PlanError};
+pub use plan::{Plan, PlanError, scans_of};
 pub use record::calibration::{Calibration, Certificate, ChannelCalibration, METHOD_BYTES_MAX, Unit};
 pub use record::damage::{DamageCell, Judgement, Verdict};
 pub use record::discriminators::{Direction, Discriminator, Discriminators, Feature, Values};

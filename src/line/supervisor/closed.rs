@@ -147,14 +147,14 @@ impl Supervisor<'_> {
             Ok(latency_s) => latency_s.into_iter().for_each(|latency_s| self.shown.latency.note(latency_s)),
             Err(error) => tracing::warn!("{}: cannot read the times of its taps: {error:#}", verdict.file.display()),
         }
-        let ledger = reader.ledger();
+        let (plan, ledger) = (reader.plan(), reader.ledger());
         let last = CasingStatus {
             name: verdict.casing.clone(),
             planned: ledger.taps().len(),
             archived: verdict.archived,
             refused: verdict.refused,
             retaken: retaken(ledger),
-            shoulders: Layout::new(reader.plan().taps()).shoulders(Some(ledger)),
+            shoulders: Layout::new(plan.taps(), plan.scans()).shoulders(Some(ledger)),
         };
         if let Some(station) = self.station(verdict.station) {
             station.tally.add(verdict, last.retaken);

@@ -14,7 +14,7 @@ use tapline_host::messages::counted;
 use tapline_host::progress::Progress;
 use tapline_wire::{
     CasingHeader, CasingTopic, Ledger, Line, LineAddress, OVER, Publisher, Received, RecordKind, Stamp, StatusTopic,
-    Subscriber, WaitTopic, decode_opened, now_ns,
+    Subscriber, WaitTopic, decode_opened, now_ns, scans_of,
 };
 
 use crate::line::out_folder::OutFolder;
@@ -275,7 +275,9 @@ impl<'a> Supervisor<'a> {
     fn opened(&mut self, header: CasingHeader, record: &[u8]) {
         let number = header.stamp.casing;
         let (name, taps) = decode_opened(record).unwrap_or_else(|error| (error.to_string(), Vec::new()));
-        let (layout, again) = (Layout::new(&taps), taps.iter().filter(|tap| tap.is_second_reading()).count());
+        // All are at one station, so they have scans.
+        let layout = Layout::new(&taps, &scans_of(&taps).unwrap_or_default());
+        let again = taps.iter().filter(|tap| tap.is_second_reading()).count();
         if let Some(casing) = self.open.iter_mut().find(|casing| casing.number == number) {
             self.audience.progress.more((again.saturating_sub(casing.again)) as u64);
             (casing.layout, casing.again) = (layout, again);

@@ -215,7 +215,11 @@ impl Plan {
     }
 }
 
-fn scans_of(taps: &[PlannedTap]) -> Result<Vec<Scan>, PlanError> {
+/// The scans of `taps`, in order of their first tap.
+///
+/// # Errors
+/// [`PlanError::TwoStations`].
+pub fn scans_of(taps: &[PlannedTap]) -> Result<Vec<Scan>, PlanError> {
     let mut scans: Vec<Scan> = Vec::new();
     let mut number_of: FxHashMap<(Serial, u16), usize> = FxHashMap::default();
     for (row, tap) in (0..).zip(taps) {
