@@ -46,6 +46,18 @@ pub fn svg(size: (u32, u32), draw: impl FnOnce(&Area<'_>) -> Result<()>) -> Resu
     Ok(svg.replacen(&fine, &size_of(size.0.to_string(), size.1.to_string()), 1))
 }
 
+/// Adds `dashes`, in units of the canvas, to the lines of `svg` that are `width` units wide: the library would write every dash as
+/// an element, at ten times the size.
+pub fn dashed(svg: &str, width: u32, dashes: &str) -> String {
+    let width = format!("stroke-width=\"{width}\"");
+    svg.replace(&width, &format!("{width} stroke-dasharray=\"{dashes}\""))
+}
+
+/// `svg` without the default values that the library writes out.
+pub fn slim(svg: &str) -> String {
+    svg.replace(" opacity=\"1\"", "").replace(" stroke=\"none\"", "")
+}
+
 /// `value` as text, without rounding noise and with a real minus sign.
 pub fn number(value: f64) -> String {
     format!("{}", (value * 1e6).round() / 1e6 + 0.0).replace('-', "\u{2212}")

@@ -96,8 +96,7 @@ impl Picture {
         // Otherwise lines of half-covered pixels would separate the cells.
         let has_cells = self.plots.iter().flat_map(|plot| &plot.marks).any(|mark| matches!(mark, Mark::Cells(_)));
         let svg = if has_cells { svg.replacen("<svg ", "<svg shape-rendering=\"crispEdges\" ", 1) } else { svg };
-        // The library writes out these default values.
-        Ok(svg.replace(" opacity=\"1\"", "").replace(" stroke=\"none\"", ""))
+        Ok(canvas::slim(&svg))
     }
 
     /// Where each key is: one that finds no room in its row begins another.

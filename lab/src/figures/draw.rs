@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use plotters::style::RGBColor;
-use tapline_draw::canvas::{BLUE, ORANGE, Point, VERMILLION, units};
+use tapline_draw::canvas::{self, BLUE, ORANGE, Point, VERMILLION, units};
 use tapline_draw::palette::{GREEN, PURPLE};
 use tapline_draw::stats::extent;
 use tapline_model::Rung;
@@ -35,14 +35,11 @@ const fn stroke(rung: Rung) -> (f64, &'static str, &'static str) {
     }
 }
 
-/// The library would write every dash as an element, at ten times the size: dashes are added to the lines afterwards, which
-/// are known by their widths.
+/// The strokes are known by their widths; the integral rung has that of the full one.
 pub(super) fn svg(figure: &Figure) -> Result<String> {
     let mut svg = picture(figure).svg()?;
-    // The integral rung has the stroke of the full one.
     for (width, dashes, _) in [Rung::Plate, Rung::Full].map(stroke) {
-        let width = format!("stroke-width=\"{}\"", units(width));
-        svg = svg.replace(&width, &format!("{width} stroke-dasharray=\"{dashes}\""));
+        svg = canvas::dashed(&svg, units(width).unsigned_abs(), dashes);
     }
     Ok(svg)
 }

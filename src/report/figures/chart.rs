@@ -40,11 +40,11 @@ pub(crate) enum Stroke {
 
 impl Stroke {
     /// Width and dashes, in units of the canvas.
-    fn shape(self) -> (u32, Option<&'static str>) {
+    fn shape(self) -> (u32, &'static str) {
         match self {
-            Self::Plain => (6, None),
-            Self::Dashed => (5, Some("20 10")),
-            Self::Limit => (7, Some("8 8")),
+            Self::Plain => (6, ""),
+            Self::Dashed => (5, "20 10"),
+            Self::Limit => (7, "8 8"),
         }
     }
 
@@ -138,11 +138,8 @@ impl Sheet {
 
 /// Adds dashes to the strokes that have them.
 fn dashed(mut svg: String) -> String {
-    for stroke in [Stroke::Dashed, Stroke::Limit] {
-        if let (width, Some(dashes)) = stroke.shape() {
-            let width = format!("stroke-width=\"{width}\"");
-            svg = svg.replace(&width, &format!("{width} stroke-dasharray=\"{dashes}\""));
-        }
+    for (width, dashes) in [Stroke::Dashed, Stroke::Limit].map(Stroke::shape) {
+        svg = canvas::dashed(&svg, width, dashes);
     }
     svg
 }

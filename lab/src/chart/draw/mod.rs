@@ -57,16 +57,16 @@ fn picture(facets: &[Facet], columns: usize, size: Place) -> Result<String> {
         }
         Ok(())
     })?;
-    Ok(slim(&svg))
+    Ok(outlined(&canvas::slim(&svg)))
 }
 
-/// Removes attributes that only state defaults, and outlines every letter in white, so that lines do not cross it.
-fn slim(svg: &str) -> String {
+/// Outlines every letter in white, so that lines do not cross it.
+fn outlined(svg: &str) -> String {
     let halo = format!(
         "<text paint-order=\"stroke\" stroke=\"#FFFFFF\" stroke-width=\"{}\" stroke-linejoin=\"round\" ",
         units(3.0)
     );
-    svg.replace(" opacity=\"1\"", "").replace(" stroke=\"none\"", "").replace("<text ", &halo)
+    svg.replace("<text ", &halo)
 }
 
 /// A facet that is being drawn.
