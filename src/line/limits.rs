@@ -46,7 +46,7 @@ struct Limits {
 /// process starts, since processes inherit limits.
 ///
 /// # Errors
-/// Everything that is too little, in one error: what there is, what is needed, and how many stations would fit.
+/// Everything that is too little, in one error: what there is, and what is needed.
 pub(crate) fn check(needs: &Needs) -> Result<()> {
     raise_descriptors();
     judge(needs, &Limits::of_system()?)
@@ -96,7 +96,7 @@ fn memory_of_group() -> Option<u64> {
 struct Item {
     what: &'static str,
     have: u64,
-    need: fn(&Needs) -> u64,
+    need: u64,
     /// Whether the numbers are bytes.
     is_bytes: bool,
     cure: &'static str,
@@ -110,54 +110,39 @@ fn judge(needs: &Needs, limits: &Limits) -> Result<()> {
         limits.descriptors.map(|have| Item {
             what: "open files of a process",
             have,
-            need: descriptors,
+            need: descriptors(needs),
             is_bytes: false,
             cure: "raise it with ulimit -n, LimitNOFILE= of a service, or --ulimit nofile= of a container",
         }),
         Some(Item {
             what: "room in /dev/shm",
             have: limits.shared_free,
-            need: |needs| needs.shared_bytes + RESTART_BYTES,
+            need: needs.shared_bytes + RESTART_BYTES,
             is_bytes: true,
             cure: "enlarge it with mount -o remount,size=... /dev/shm, or --shm-size= of a container",
         }),
         limits.memory_free.map(|have| Item {
             what: "memory",
             have,
-            need: memory,
+            need: memory(needs),
             is_bytes: true,
             cure: "end other programs that use it, or raise the limit of the container or service",
         }),
     ];
-    let short: Vec<Item> = items.into_iter().flatten().filter(|item| item.have < (item.need)(needs)).collect();
+    let short: Vec<Item> = items.into_iter().flatten().filter(|item| item.have < item.need).collect();
     if short.is_empty() {
         return Ok(());
     }
-    let stations = needs.stations;
-    let mut text =
-        format!("a line of {stations} station{} has too few resources here", if stations == 1 { "" } else { "s" });
-    for Item { what, have, need, is_bytes, cure } in &short {
-        let need = need(needs);
+    let line = counted(needs.stations, "station", "stations");
+    let mut text = format!("a line of {line} has too few resources here");
+    for Item { what, have, need, is_bytes, cure } in short {
         let written = match is_bytes {
-            true => write!(text, "; {what}: {:.1} MB of {:.1} MB needed", *have as f64 / 1e6, need as f64 / 1e6),
+            true => write!(text, "; {what}: {:.1} MB of {:.1} MB needed", have as f64 / 1e6, need as f64 / 1e6),
             false => write!(text, "; {what}: {have} of {need} needed"),
         };
         written.and_then(|()| write!(text, " ({cure})"))?;
     }
-    let enough = (1..stations).rev().find(|&fewer| short.iter().all(|i| i.have >= (i.need)(&needs.scaled(fewer))));
-    match enough {
-        Some(fewer) => bail!("{text}; {} would do", counted(fewer, "station", "stations")),
-        None => bail!("{text}; this is too little for any line"),
-    }
-}
-
-impl Needs {
-    /// What the same line with another number of `stations` would need.
-    fn scaled(&self, stations: usize) -> Self {
-        let of = |total: usize| (total * stations).div_ceil(self.stations.max(1));
-        let shared = u128::from(self.shared_bytes) * stations as u128 / self.stations.max(1) as u128;
-        Self { stations, acquire_processes: of(self.acquire_processes), shared_bytes: shared as u64 }
-    }
+    bail!("{text}; `tapline-lab headroom` measures how many stations a host supports")
 }
 
 fn descriptors(needs: &Needs) -> u64 {
@@ -191,18 +176,19 @@ mod tests {
         };
         judge(&NEEDS, &just).unwrap();
         let text = refusal(&Limits { descriptors: Some(descriptors(&NEEDS) - 1), ..just });
-        assert!(text.contains("31 stations would do"), "{text}");
+        assert!(
+            text.starts_with("a line of 32 stations has too few resources here; open files of a process: "),
+            "{text}"
+        );
     }
 
     #[test]
-    fn everything_that_is_too_little_is_reported_at_once_with_how_many_stations_would_do() {
+    fn everything_that_is_too_little_is_reported_at_once() {
         let text = refusal(&Limits { descriptors: Some(300), shared_free: 104_000_000, ..PLENTY });
         assert!(text.contains("open files of a process: 300 of ") && text.contains("ulimit -n"), "{text}");
         assert!(text.contains("/dev/shm: 104.0 MB of 404.0 MB needed"), "{text}");
-        // Going by the memory, 8 would do.
-        assert!(text.contains("8 stations would do"), "{text}");
         let text = refusal(&Limits { memory_free: Some(MEMORY_PER_PROCESS), ..PLENTY });
-        assert!(text.contains("; memory: 25.2 MB of ") && text.contains("too little for any line"), "{text}");
+        assert!(text.contains("; memory: 25.2 MB of ") && !text.contains("/dev/shm"), "{text}");
     }
 
     #[test]
