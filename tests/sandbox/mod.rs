@@ -12,7 +12,7 @@ pub(crate) mod stages;
 use std::ffi::OsStr;
 use std::fs;
 use std::os::unix::fs::PermissionsExt as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
 use tapline_testing::program::Done;
@@ -33,6 +33,14 @@ pub(crate) struct Sandbox {
 impl Sandbox {
     pub(crate) fn new() -> Self {
         Self { folder: TempDir::new().unwrap() }
+    }
+
+    /// One with the certificates of a server and of who vouches for it; `None`, and a skip, where no Python can make them.
+    pub(crate) fn with_certificates() -> Option<Self> {
+        let (python, sandbox) = (tapline_testing::python_with("cryptography")?, Self::new());
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/line/wires/certificates.py");
+        Done::from(Command::new(python).arg(script).arg(sandbox.path("")).output().unwrap()).expect(0);
+        Some(sandbox)
     }
 
     pub(crate) fn path(&self, name: &str) -> PathBuf {

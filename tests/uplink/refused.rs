@@ -2,9 +2,6 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::Command;
-
-use tapline_testing::program::Done;
 
 use crate::sandbox::Sandbox;
 use crate::sandbox::archives::bend;
@@ -92,10 +89,7 @@ fn what_cannot_be_sent_keeps_no_other_file_back() {
 /// Catches a connection that is not encrypted, one to a server for which nobody vouches, and a password that is not sent.
 #[test]
 fn the_server_must_be_vouched_for_and_knows_who_connects() {
-    let Some(python) = tapline_testing::python_with("cryptography") else { return };
-    let sandbox = Sandbox::new();
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/line/wires/certificates.py");
-    Done::from(Command::new(python).arg(script).arg(sandbox.path("")).output().unwrap()).expect(0);
+    let Some(sandbox) = Sandbox::with_certificates() else { return };
     let file = |name: &str| sandbox.path(name).display().to_string();
     let more = format!(
         "tls {{ cert_file: \"{}\", key_file: \"{}\" }}\nauthorization {{ user: press-1, password: \"secret word\" }}",

@@ -144,10 +144,7 @@ fn what_stands_at_a_station_is_cleared_when_it_is_in_doubt() {
 /// Catches a connection that is not encrypted, one to a broker for which nobody vouches, and a password that is not sent.
 #[test]
 fn the_broker_must_be_vouched_for_and_is_acknowledged_who_connects() {
-    let Some(python) = tapline_testing::python_with("cryptography") else { return };
-    let sandbox = Sandbox::new();
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/line/wires/certificates.py");
-    Done::from(Command::new(python).arg(script).arg(sandbox.path("")).output().unwrap()).expect(0);
+    let Some(sandbox) = Sandbox::with_certificates() else { return };
     let file = |name: &str| sandbox.path(name).display().to_string();
     sandbox.write_secret("user", "line-1\nsecret word\n");
     let hashed =
