@@ -1,17 +1,17 @@
 //! A real MQTT broker, which can be killed, and one who subscribes to it.
 
 use std::net::{TcpListener, TcpStream};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 
 use crossbeam::channel::Receiver;
 use serde_json::Value;
 
 use crate::sandbox::Sandbox;
-use crate::sandbox::running::{PATIENCE, lines_of, until};
+use crate::sandbox::running::{KilledOnDrop, PATIENCE, lines_of, until};
 
 /// Mosquitto, at a port that nobody else has.
 pub(crate) struct Broker {
-    child: Option<Child>,
+    child: Option<KilledOnDrop>,
     program: &'static str,
     config: std::path::PathBuf,
     pub port: u16,
@@ -27,7 +27,7 @@ pub(crate) struct Heard {
 
 /// `mosquitto_sub`, which connects again by itself.
 pub(crate) struct Subscriber {
-    child: Child,
+    _child: KilledOnDrop,
     lines: Receiver<String>,
 }
 
@@ -56,22 +56,13 @@ impl Broker {
     pub(crate) fn restart(&mut self) {
         let mut command = Command::new(self.program);
         command.arg("-c").arg(&self.config).stdout(Stdio::null()).stderr(Stdio::null());
-        self.child = Some(command.spawn().unwrap());
+        self.child = Some(KilledOnDrop(command.spawn().unwrap()));
         until("the broker listens", || TcpStream::connect(("127.0.0.1", self.port)).is_ok());
     }
 
     /// Kills it.
     pub(crate) fn kill(&mut self) {
-        if let Some(mut child) = self.child.take() {
-            child.kill().unwrap();
-            child.wait().unwrap();
-        }
-    }
-}
-
-impl Drop for Broker {
-    fn drop(&mut self) {
-        self.kill();
+        self.child = None;
     }
 }
 
@@ -84,7 +75,7 @@ impl Subscriber {
             .arg(port.to_string());
         let mut child = command.args(arguments).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
         let lines = lines_of(child.stdout.take().unwrap());
-        Self { child, lines }
+        Self { _child: KilledOnDrop(child), lines }
     }
 
     /// The next message.
@@ -103,12 +94,5 @@ impl Subscriber {
                 return heard;
             }
         }
-    }
-}
-
-impl Drop for Subscriber {
-    fn drop(&mut self) {
-        self.child.kill().unwrap();
-        self.child.wait().unwrap();
     }
 }

@@ -3,29 +3,22 @@
 use std::fs::File;
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 
 use crossbeam::channel::{Receiver, bounded};
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 use serde_json::{Value, json};
 
 use crate::sandbox::Sandbox;
-use crate::sandbox::running::PATIENCE;
+use crate::sandbox::running::{KilledOnDrop, PATIENCE};
 
 /// Chromium, with one page.
 pub(crate) struct Browser {
-    child: Child,
+    _child: KilledOnDrop,
     commands: File,
     answers: Receiver<Value>,
     session: Option<String>,
     asked: u64,
-}
-
-impl Drop for Browser {
-    fn drop(&mut self) {
-        self.child.kill().unwrap();
-        self.child.wait().unwrap();
-    }
 }
 
 impl Browser {
@@ -55,7 +48,7 @@ impl Browser {
             .unwrap();
         let commands = File::options().write(true).open(commands).unwrap();
         let answers = messages_of(&answers);
-        let mut browser = Self { child, commands, answers, session: None, asked: 0 };
+        let mut browser = Self { _child: KilledOnDrop(child), commands, answers, session: None, asked: 0 };
         let target = browser.command("Target.createTarget", &json!({ "url": "about:blank" }));
         let attach = json!({ "targetId": target["targetId"], "flatten": true });
         let session = browser.command("Target.attachToTarget", &attach);

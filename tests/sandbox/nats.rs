@@ -2,17 +2,17 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 
 use tapline_testing::network::at;
 
 use crate::sandbox::Sandbox;
 use crate::sandbox::broker::free_port;
-use crate::sandbox::running::until;
+use crate::sandbox::running::{KilledOnDrop, until};
 
 /// A server of NATS with JetStream, whose store is in the folder `nats`.
 pub(crate) struct NatsServer {
-    child: Option<Child>,
+    child: Option<KilledOnDrop>,
     program: PathBuf,
     config: PathBuf,
     store: PathBuf,
@@ -77,7 +77,7 @@ impl NatsServer {
         };
         command.arg("-c").arg(&self.config).arg("-l").arg(&self.log).stdout(Stdio::null()).stderr(Stdio::null());
         let before = self.ready_count();
-        self.child = Some(command.spawn().unwrap());
+        self.child = Some(KilledOnDrop(command.spawn().unwrap()));
         until("the server is ready", || self.ready_count() > before);
     }
 
@@ -87,21 +87,12 @@ impl NatsServer {
 
     /// Kills it.
     pub(crate) fn kill(&mut self) {
-        if let Some(mut child) = self.child.take() {
-            child.kill().unwrap();
-            child.wait().unwrap();
-        }
+        self.child = None;
     }
 
     /// Removes all that it has kept, while it does not run.
     pub(crate) fn lose_all(&self) {
         assert!(self.child.is_none());
         fs::remove_dir_all(&self.store).unwrap();
-    }
-}
-
-impl Drop for NatsServer {
-    fn drop(&mut self) {
-        self.kill();
     }
 }

@@ -34,6 +34,16 @@ impl Drop for Running {
     }
 }
 
+/// A process that is killed when it is dropped.
+pub(crate) struct KilledOnDrop(pub Child);
+
+impl Drop for KilledOnDrop {
+    fn drop(&mut self) {
+        self.0.kill().unwrap();
+        self.0.wait().unwrap();
+    }
+}
+
 impl Running {
     pub(crate) fn start(sandbox: &Sandbox, arguments: &str) -> Self {
         Self::of(sandbox.start(arguments))
