@@ -1,9 +1,8 @@
 //! What must be found on a simulated line, and what must not: every planted crack, and nothing on a sound tyre.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::thread::{Builder, scope};
 
+use rayon::prelude::*;
 use tapline_acquire::{ScanConfig, SimulatedLine, Source, TyreConfig};
 use tapline_fuse::{FuseConfig, Fusion, Reference};
 use tapline_model::{Crack, SimulationConfig};
@@ -121,24 +120,10 @@ fn faults(judged: &Judged, shoulder: u16, cracks: &[Crack]) -> Vec<String> {
     faults
 }
 
-/// Runs `faults_of` for all seeds on two threads; returns the faults by seed.
+/// Runs `faults_of` for all seeds; returns the faults by seed.
 fn over_seeds(faults_of: impl Fn(u64) -> Vec<String> + Sync) -> Vec<String> {
-    let next = AtomicU64::new(*SEEDS.start());
-    let work = || {
-        let mut found = Vec::new();
-        loop {
-            let seed = next.fetch_add(1, Ordering::Relaxed);
-            if !SEEDS.contains(&seed) {
-                return found;
-            }
-            found.extend(faults_of(seed).into_iter().map(|fault| format!("seed {seed}: {fault}")));
-        }
-    };
-    scope(|threads| {
-        let spawn = |k| Builder::new().name(format!("seeds-{k}")).spawn_scoped(threads, work).unwrap();
-        let both = [1, 2].map(spawn);
-        both.into_iter().flat_map(|thread| thread.join().unwrap()).collect()
-    })
+    let of_seed = |seed| faults_of(seed).into_iter().map(move |fault| format!("seed {seed}: {fault}"));
+    SEEDS.into_par_iter().flat_map_iter(of_seed).collect()
 }
 
 fn faults_in_process(scan: &ScanConfig, cracks: &[Crack]) -> Vec<String> {
