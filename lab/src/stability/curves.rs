@@ -1,5 +1,6 @@
 //! The breakdown curves: how wrong each number gets as a disturbance grows.
 
+use anyhow::Result;
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
@@ -8,6 +9,7 @@ use tapline_process::{ProcessConfig, QualityConfig};
 use tapline_wire::{Discriminator, Quality};
 
 use super::tap::{Tap, add_hum, add_noise, add_offset, clip};
+use crate::evaluation::Table;
 
 /// One picture: relative errors against the size of what causes them.
 #[derive(Debug, Clone)]
@@ -245,13 +247,13 @@ fn length() -> Curve {
 
 impl Curve {
     /// The rows as CSV; an absent value is an empty cell.
-    pub(crate) fn csv(&self) -> String {
-        let mut text = format!("x,{},flags\n", self.columns.join(","));
+    pub(crate) fn csv(&self) -> Result<String> {
+        let columns = ["x"].into_iter().chain(self.columns.iter().copied()).chain(["flags"]);
+        let mut table = Table::long("", "", columns);
         for Row { x, errors, flags } in &self.rows {
-            let cell = |e: &f64| if e.is_finite() { format!("{e:.4e}") } else { String::new() };
-            let cells: Vec<String> = errors.iter().map(cell).collect();
-            text.push_str(&format!("{x:.6},{},{flags}\n", cells.join(",")));
+            let error = |e: &f64| if e.is_finite() { format!("{e:.4e}") } else { String::new() };
+            table.push_texts([format!("{x:.6}")].into_iter().chain(errors.iter().map(error)).chain([flags.clone()]));
         }
-        text
+        table.csv()
     }
 }

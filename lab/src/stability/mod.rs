@@ -25,7 +25,7 @@ pub fn write(out: &Path, written: WrittenArgs) -> Result<()> {
         "# Breakdown curves\n\nHow wrong a number gets as a disturbance grows: relative errors against the undisturbed tap, or against the full rung of the contact models. `tapline-lab stability --force` writes this page. Axes span the data; an error too small for its axis is drawn on the lowest line (\"below\" next to a name: all its errors are), and a line ends where the value is absent. The configuration is the default, except that every policy is `keep`: by default a flag would make doubtful values absent. The background is grey where a flag is raised; the legend and the tables name the flags.\n",
     );
     for curve in curves::curves() {
-        files.push((out.join(format!("{}.csv", curve.name)), curve.csv()));
+        files.push((out.join(format!("{}.csv", curve.name)), curve.csv()?));
         files.push((out.join(format!("{}.svg", curve.name)), draw::picture(&curve)?.svg()?));
         let (title, name, sentence) = (curve.title, curve.name, curve.sentence);
         index.push_str(&format!(
