@@ -54,7 +54,7 @@ pub(crate) struct StationStatus {
     pub number: u16,
     /// The casing that it taps.
     pub casing: Option<CasingStatus>,
-    /// The previous casing, as it was when its verdict was reported.
+    /// The previous casing, as it was when its verdict was reported; `None` once another one was refused.
     pub last: Option<CasingStatus>,
     /// What it waits for; empty while it taps.
     pub waits_for: String,

@@ -83,6 +83,13 @@ impl Now {
         }
     }
 
+    /// A casing at `station` is refused: it gets no verdict, and the last one is no longer current.
+    pub(crate) fn refused(&self, station: u16) {
+        if let Some(station) = self.state().stations.get_mut(&station) {
+            station.verdict = None;
+        }
+    }
+
     /// The casing at a station is judged; `is_busy` says whether another one is under way there.
     pub(crate) fn judged(&self, verdict: &CasingVerdict, is_busy: bool) {
         let verdict = Arc::new(verdict.clone());

@@ -259,9 +259,7 @@ impl<'a> Supervisor<'a> {
             Some(RecordKind::Alarm) => self.held(text_of(record)),
             Some(RecordKind::Refusal) if number != 0 => self.lost_file(number, &text_of(record)),
             Some(RecordKind::Refusal) => {
-                let text = format!("station {}: {}", header.station, text_of(record));
-                self.alarm(text.clone());
-                self.leave_out(text);
+                self.refused(station_of(&header), format!("station {}: {}", header.station, text_of(record)));
                 self.outcome.refused += 1;
                 self.shown.refused_count += 1;
             }
@@ -311,10 +309,10 @@ impl<'a> Supervisor<'a> {
                     Some(begun) => format!("{OVER}station {number}: {begun}"),
                     None => format!("station {number}: {text}"),
                 };
-                if kind == RecordKind::Refusal {
-                    self.leave_out(text.clone());
+                match kind {
+                    RecordKind::Refusal => self.refused(number, text),
+                    _ => self.alarm(text),
                 }
-                self.alarm(text);
             }
             kind => {
                 if let Some(station) = self.station(number) {
@@ -326,6 +324,16 @@ impl<'a> Supervisor<'a> {
             }
         }
         self.is_news = true;
+    }
+
+    /// Handles a casing that came to the station `number` and is refused: the last verdict is not about what is there now.
+    fn refused(&mut self, number: u16, text: String) {
+        self.audience.wires.iter().for_each(|wires| wires.now.refused(number));
+        if let Some(station) = self.station(number) {
+            station.last = None;
+        }
+        self.leave_out(text.clone());
+        self.alarm(text);
     }
 
     /// Handles the loss of an open casing's file: its station taps it again.

@@ -95,7 +95,7 @@ fn check_schema(messages: &[Value]) {
     assert_eq!(done.out.trim(), format!("{} messages", messages.len()));
 }
 
-/// Catches a last verdict that stays when the next casing has come, when the line ends, is killed or hangs, and after its next start.
+/// Catches a last verdict that stays when the next casing has come or was refused, when the line ends, is killed or hangs, and after its next start.
 #[test]
 fn what_stands_at_a_station_is_cleared_when_it_is_in_doubt() {
     let sandbox = Sandbox::new();
@@ -125,6 +125,13 @@ fn what_stands_at_a_station_is_cleared_when_it_is_in_doubt() {
     arrives("B");
     assert_eq!(wait("busy").payload["verdict"], Value::Null, "the next casing has come");
     assert_eq!(wait("judged").payload["verdict"]["casing"], "B");
+    until("the page shows it", || status(&sandbox)["stations"][0]["last"]["name"] == "B");
+    fs::create_dir(sandbox.path("sets/bad")).unwrap();
+    sandbox.write("sets/bad/scan.toml", "geometry = \"ring\"\n");
+    sandbox.write("sets/bad/taps.csv", "file\n");
+    arrives("bad");
+    assert_eq!(wait("ready").payload["verdict"], Value::Null, "the next casing is refused");
+    until("the page shows it no more", || status(&sandbox)["stations"][0]["last"].is_null());
     drop(line.kill());
     assert_eq!(wait("no_signal").payload["verdict"], Value::Null);
     assert_eq!(retained().payload["state"], "no_signal", "the last will is kept");
