@@ -162,14 +162,31 @@ fn wait_for(mut child: Child, until: &Until) -> Result<Reported> {
             Some(status) => bail!("it ended with {status}"),
             None => {}
         }
-        if since.elapsed() > TIMEOUT || until.get().is_some_and(|until| *until <= Instant::now()) {
+        let is_over = until.get().is_some_and(|until| *until <= Instant::now());
+        if is_over || since.elapsed() > TIMEOUT {
             // Including all processes that it has started.
             if let Some(group) = Pid::from_raw(i32::try_from(child.id()).unwrap_or(0)) {
                 kill_process_group(group, Signal::KILL).context("cannot end it")?;
             }
             child.wait()?;
+            if is_over {
+                return Ok(Reported::Later("on_verdict was killed, since the line has ended".to_owned()));
+            }
             bail!("it took more than {:.0} s and was killed", since.elapsed().as_secs_f64());
         }
         std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a verdict that counts as reported although the line itself has killed its command in order to end.
+    #[test]
+    fn a_command_that_is_killed_since_the_line_ends_is_run_again() {
+        let child = Command::new("/bin/sh").args(["-c", "sleep 60"]).process_group(0).spawn().unwrap();
+        let reported = wait_for(child, &Arc::new(Instant::now().into()));
+        assert!(matches!(reported, Ok(Reported::Later(_))));
     }
 }
