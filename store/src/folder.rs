@@ -1,8 +1,8 @@
 //! Which archives a given folder means.
 //!
 //! These are the finished ones in it and in its subfolders, such as the days of a line; not those in progress (`open`),
-//! those that a line could not continue (`left`), hidden files or linked folders. Results that `tapline reprocess` put
-//! beside an archive are kept apart, so that no casing counts twice.
+//! those that a line could not continue (`left`), hidden files, linked folders or the `lost+found` of a disk. Results that
+//! `tapline reprocess` put beside an archive are kept apart, so that no casing counts twice.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
@@ -19,6 +19,9 @@ use crate::read::reader::Reader;
 
 /// Hexadecimal digits of the lineage in the name of a file of results.
 const KEY_DIGITS: usize = 12;
+
+/// A folder at the top of each ext4 disk, which only root may read.
+const OF_DISK: &str = "lost+found";
 
 /// Depth of nested folders that are searched.
 const DEPTH_MAX: usize = 16;
@@ -79,7 +82,7 @@ impl Folder {
     fn look_into(&mut self, folder: &Path, depth: usize) -> Result<()> {
         for entry in entries(folder)? {
             let (name, path) = (entry.file_name(), entry.path());
-            if name.as_encoded_bytes().starts_with(b".") {
+            if name.as_encoded_bytes().starts_with(b".") || name == OF_DISK {
                 continue;
             }
             match entry.file_type().context("read", &path)?.is_dir() {
@@ -247,7 +250,8 @@ mod tests {
     fn a_folder_is_its_finished_archives() {
         let files = [
             "2026-11-24/A.h5", "2026-11-23/B.h5", "2026-11-23/A.0123456789ab.h5", "C.h5", "C.0123456789ab.h5",
-            "C.2.h5", "open/D.17.h5", "left/E.18.h5", ".hidden/F.h5", ".G.h5", "run.toml", "H.h5.1-0.new",
+            "C.2.h5", "open/D.17.h5", "left/E.18.h5", ".hidden/F.h5", "lost+found/F.h5", ".G.h5", "run.toml",
+            "H.h5.1-0.new",
         ];
         let folder = made(&files);
         fs::create_dir(folder.path().join("I.h5")).unwrap();
