@@ -92,6 +92,33 @@ fn a_receipt_whose_acknowledgement_is_lost_counts() {
     assert_eq!(collector.interrupt().expect(0).out.matches("received ").count(), 1);
 }
 
+/// Catches a draft that cannot be put in its place, and for which no other file is taken; and one that is lost for it.
+#[test]
+fn a_draft_without_a_place_keeps_no_other_file_back() {
+    let sandbox = Sandbox::new();
+    let Some(server) = NatsServer::start(&sandbox, "") else { return };
+    let made = made(&sandbox, 2);
+    fs::rename(sandbox.path("made/C2.h5"), sandbox.path("C2.later")).unwrap();
+    let send = format!("uplink made --to {} --site a --once", server.address);
+    let collect = || Running::start(&sandbox, &format!("collect centre --from {}", server.address));
+    let collector = collect();
+    assert_eq!(sandbox.run(&send).expect(0).out.matches("delivered ").count(), 1);
+    drop(collector.interrupt().expect(0));
+    // As a collector leaves it that is killed between receipt and place; something else is there by now.
+    let (place, draft) = (sandbox.path("centre/a/C1.h5"), sandbox.path("centre/.incoming/a/C1.h5"));
+    fs::rename(&place, &draft).unwrap();
+    fs::create_dir(&place).unwrap();
+    fs::rename(sandbox.path("C2.later"), sandbox.path("made/C2.h5")).unwrap();
+    let collector = collect();
+    assert_eq!(sandbox.run(&send).expect(0).out.matches("delivered ").count(), 1);
+    let done = collector.interrupt().expect(0);
+    assert!(done.err.contains("ERROR cannot put ") && draft.exists(), "{}", done.err);
+    fs::remove_dir(&place).unwrap();
+    let collector = collect();
+    until("it is in its place", || files(&sandbox.path("centre/a")) == made);
+    drop(collector.interrupt().expect(0));
+}
+
 /// Catches a sender that relies on what a server has said: a server that loses everything, also what it had acknowledged, costs nothing
 /// but time; and files that a centre has and takes again.
 #[test]

@@ -59,7 +59,8 @@ pub struct Collected {
     pub receipt: Receipt,
 }
 
-/// Takes files until it is over; returns whether none was refused. `report` gets each.
+/// Takes files until it is over; returns whether none was refused, and none is left that could not be put in its place. `report` gets
+/// each.
 ///
 /// # Errors
 /// A folder that cannot be used and, if this is done once, trouble that lasts for a minute. Other troubles are logged,
@@ -83,8 +84,10 @@ pub fn collect(
             report(&collected);
         };
         let mut collecting = Collecting { jetstream: &jetstream, folder: &folder, check: collector.check };
-        collecting.recover(&mut report_one).await?;
-        collecting.attempt(until, &mut report_one, trouble).await
+        let is_clear = collecting.recover(&mut report_one).await?;
+        collecting.attempt(until, &mut report_one, trouble).await?;
+        is_fine &= is_clear;
+        Ok(())
     })?;
     Ok(is_fine)
 }
@@ -96,8 +99,10 @@ struct Collecting<'a> {
 }
 
 impl Collecting<'_> {
-    /// Puts the drafts in their places for which this collector has given the receipt, and removes the others.
-    async fn recover(&mut self, report: &mut impl FnMut(Collected)) -> Result<()> {
+    /// Puts the drafts in their places for which this collector has given the receipt, and removes the others. One that cannot be
+    /// put in its place stays for the next time, and holds up no other file; returns whether there is none.
+    async fn recover(&mut self, report: &mut impl FnMut(Collected)) -> Result<bool> {
+        let mut is_clear = true;
         for file in self.folder.drafts()? {
             let receipt = self
                 .jetstream
@@ -105,11 +110,16 @@ impl Collecting<'_> {
                 .await?
                 .filter(|receipt| receipt.collector == self.folder.name && receipt.fate == Fate::Received);
             match receipt {
-                Some(receipt) => self.place(file, receipt, report).await?,
+                Some(receipt) => {
+                    if let Err(error) = self.place(file, receipt, report) {
+                        tracing::error!("{error:#}");
+                        is_clear = false;
+                    }
+                }
                 None => self.folder.discard(&file),
             }
         }
-        Ok(())
+        Ok(is_clear)
     }
 
     /// Takes files until there is trouble, or nothing is left to take and that is all that was asked.
@@ -235,9 +245,13 @@ impl Collecting<'_> {
 
     /// Gives the receipt of `file`, unless another has given one, and places or discards its draft.
     async fn give(&self, file: CasingFile, receipt: Receipt, report: &mut impl FnMut(Collected)) -> Result<()> {
+        if receipt.fate == Fate::Received {
+            // A file that cannot get there is not this collector's.
+            self.folder.make_place(&file)?;
+        }
         let is_ours = self.jetstream.give(&file, &receipt).await?;
         match is_ours && receipt.fate == Fate::Received {
-            true => self.place(file.clone(), receipt, report).await?,
+            true => self.place(file.clone(), receipt, report)?,
             false => {
                 self.folder.discard(&file);
                 if is_ours {
@@ -249,7 +263,7 @@ impl Collecting<'_> {
     }
 
     /// Puts the draft of `file`, for which `receipt` was given, in its place.
-    async fn place(&self, file: CasingFile, receipt: Receipt, report: &mut impl FnMut(Collected)) -> Result<()> {
+    fn place(&self, file: CasingFile, receipt: Receipt, report: &mut impl FnMut(Collected)) -> Result<()> {
         let path = self.folder.place(&file);
         if self.folder.draft(&file).exists() {
             self.folder.put_in_place(&file)?;

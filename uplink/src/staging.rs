@@ -79,10 +79,15 @@ impl Folder {
         File::create(&draft).with_context(|| format!("cannot write {}", draft.display()))
     }
 
+    /// Makes the folder in which `file` has its place.
+    pub(crate) fn make_place(&self, file: &CasingFile) -> Result<()> {
+        make_folder_of(&self.place(file))
+    }
+
     /// Puts the draft of `file` in its place, and syncs that to the disk. An existing file stays.
     pub(crate) fn put_in_place(&self, file: &CasingFile) -> Result<()> {
         let (draft, place) = (self.draft(file), self.place(file));
-        make_folder_of(&place)?;
+        self.make_place(file)?;
         match rustix::fs::renameat_with(CWD, &draft, CWD, &place, RenameFlags::NOREPLACE) {
             Ok(()) => {}
             // Not every file system can refuse to replace; only this process writes here.
