@@ -96,6 +96,7 @@ async fn publish(client: Client, config: MqttConfig, plant: Plant, news: News) -
             troubles: Rc::clone(&troubles),
             shown: None,
             publish_at: Instant::now(),
+            patience: CONNECT_AGAIN_AFTER.0,
         };
         all.spawn_local(async move { lane.run().await });
     }
@@ -121,17 +122,18 @@ struct Lane {
     shown: Option<(String, Instant)>,
     /// When verdicts may be published again.
     publish_at: Instant,
+    /// Time until the next attempt to connect.
+    patience: Duration,
 }
 
 impl Lane {
     /// Publishes until the wire ends, over as many connections as it takes.
     async fn run(&mut self) {
-        let mut patience = CONNECT_AGAIN_AFTER.0;
         loop {
             let will = self.station_state(&StationState::NoSignal);
             let why = match Rc::clone(&self.client).connect(&self.name, &will).await {
                 Ok(mut connection) => {
-                    (self.shown, patience) = (None, CONNECT_AGAIN_AFTER.0);
+                    self.shown = None;
                     match self.serve(&mut connection).await {
                         Ok(()) => return connection.close().await,
                         Err(error) => error,
@@ -144,10 +146,10 @@ impl Lane {
                 NO_CONNECTION,
                 Some(format!("mqtt: no connection to {}: {}", self.broker, with_causes(why.as_ref()))),
             );
-            if timeout(patience, self.news.ended()).await.is_ok() {
+            if timeout(self.patience, self.news.ended()).await.is_ok() {
                 return;
             }
-            patience = (patience * 2).clamp(patience, CONNECT_AGAIN_AFTER.1);
+            self.patience = (self.patience * 2).min(CONNECT_AGAIN_AFTER.1);
         }
     }
 
@@ -185,7 +187,6 @@ impl Lane {
         if Instant::now() < self.publish_at {
             return Ok(());
         }
-        self.set_trouble(NO_CONNECTION, None);
         let outbox = Arc::clone(&self.plant.outbox);
         let mut trouble = None;
         while let Some(note) = outbox.next(Receiver::Mqtt, Some(self.station)) {
@@ -202,6 +203,9 @@ impl Lane {
             // However many wait, the station shows its current state.
             self.show(connection).await?;
         }
+        // Only now: a broker that refuses what is published lets everyone connect.
+        self.set_trouble(NO_CONNECTION, None);
+        self.patience = CONNECT_AGAIN_AFTER.0;
         self.set_trouble(NO_SUBSCRIBER, trouble);
         Ok(())
     }

@@ -5,6 +5,7 @@ use std::fs;
 use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::time::Duration;
 
 use rustix::process::Signal;
 use serde_json::Value;
@@ -148,6 +149,25 @@ fn what_stands_at_a_station_is_cleared_when_it_is_in_doubt() {
     assert_eq!(retained().payload["state"], "no_signal", "it said so as it ended");
 }
 
+/// Catches a broker that takes no verdict and is connected to several times a second, each time with an alarm.
+#[test]
+fn a_broker_that_refuses_a_verdict_is_one_trouble() {
+    let sandbox = Sandbox::new();
+    sandbox.write("acl", "topic write tapline/station/+/now\n");
+    let rules = format!("allow_anonymous true\nacl_file {}", sandbox.path("acl").display());
+    let Some(broker) = Broker::start(&sandbox, &rules) else { return };
+    slow_plant(&sandbox, 1, 200.0, &format!("[line.mqtt]\nbroker = \"127.0.0.1:{}\"\n", broker.port));
+    let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json");
+    line.verdict();
+    until("it is refused", || status(&sandbox)["troubles"].to_string().contains("it refuses what is published to"));
+    for _ in 0..20 {
+        assert!(status(&sandbox)["troubles"].to_string().contains("it refuses what is published to"));
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    let done = line.interrupt().expect(0);
+    assert_eq!(done.err.matches("WARN mqtt: no connection").count(), 1, "{}", done.err);
+}
+
 /// Catches a connection that is not encrypted, one to a broker for which nobody vouches, and a password that is not sent.
 #[test]
 fn the_broker_must_be_vouched_for_and_is_acknowledged_who_connects() {
@@ -215,7 +235,7 @@ fn a_verdict_waits_for_a_subscriber() {
     assert!(metrics.contains("\ntapline_verdicts_waiting{receiver=\"mqtt\"} 2"), "{metrics}");
     assert!(sandbox.run("status --out out").expect(0).out.contains("wait to be acknowledged: mqtt 2"));
     // Two more attempts, of which the log says nothing.
-    std::thread::sleep(std::time::Duration::from_millis(2500));
+    std::thread::sleep(Duration::from_millis(2500));
     let done = line.interrupt().expect(0);
     assert_eq!(done.err.matches("nobody subscribes").count(), 1, "{}", done.err);
     let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json");
