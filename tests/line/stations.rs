@@ -3,9 +3,11 @@
 use std::fs;
 use std::time::Instant;
 
+use serde_json::Value;
 use tapline_store::{Reader, verify};
 use tapline_wire::TapState;
 
+use crate::line::wires::status;
 use crate::line::{
     INBOX, ROOM, all_finished, archived, assert_made, casing_under_way, file_of, reported, start_rig, tap_sets,
 };
@@ -47,6 +49,16 @@ fn tap_sets_that_are_moved_into_a_folder_are_judged() {
     fs::rename(sandbox.path("sets/bad"), sandbox.path("inbox/bad")).unwrap();
     until("the bad set is put aside", || sandbox.path("inbox/failed/bad/reason.txt").is_file());
     assert!(fs::read_to_string(sandbox.path("inbox/failed/bad/reason.txt")).unwrap().contains("scan.toml"));
+    // The same set again is the same alarm again, which pushes out no other.
+    let alarms = || -> Vec<Value> {
+        let all = status(&sandbox)["alarms"].as_array().cloned().unwrap_or_default();
+        all.into_iter().filter(|alarm| alarm["text"].as_str().unwrap().contains("tap set bad")).collect()
+    };
+    until("it is an alarm", || alarms().len() == 1);
+    let before = alarms();
+    fs::rename(sandbox.path("inbox/failed/bad"), sandbox.path("inbox/bad")).unwrap();
+    until("it is an alarm again", || alarms().first().is_some_and(|alarm| *alarm != before[0]));
+    assert_eq!(alarms().len(), 1, "{:?}", alarms());
     fs::rename(sandbox.path("sets/B"), sandbox.path("inbox/B")).unwrap();
     let second = line.verdict();
     assert_eq!((&second["casing"], &second["verdict"]), (&"B".into(), &"PASS".into()));

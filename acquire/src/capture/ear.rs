@@ -60,6 +60,8 @@ struct State {
     begun: VecDeque<HeardTap>,
     /// Complete, and not taken yet.
     taps: VecDeque<HeardTap>,
+    /// Whether an alarm has said that they are too many, since one was last taken.
+    are_too_many: bool,
     alarms: Vec<String>,
     /// Why the device is not heard.
     fault: Option<String>,
@@ -102,6 +104,7 @@ impl Ear {
             level: config.trigger.level,
             begun: VecDeque::new(),
             taps: VecDeque::new(),
+            are_too_many: false,
             alarms: Vec::new(),
             fault: None,
             loss_count: 0,
@@ -144,6 +147,7 @@ impl Ear {
     pub(crate) fn take_tap(&self) -> Option<HeardTap> {
         let mut state = self.state();
         while let Some(tap) = state.taps.pop_front() {
+            state.are_too_many = false;
             if self.is_whole(&state.samples, tap) {
                 return Some(tap);
             }
@@ -344,7 +348,9 @@ impl Ear {
             if state.taps.len() >= TAPS_MAX {
                 state.taps.pop_front();
                 state.loss_count += 1;
-                state.alarm("more taps were heard than the station has asked for");
+                if !std::mem::replace(&mut state.are_too_many, true) {
+                    state.alarm("more taps were heard than the station has asked for");
+                }
             }
             state.taps.push_back(tap);
             is_news = true;

@@ -89,3 +89,17 @@ fn a_device_that_comes_back_is_heard_as_before() {
     assert_eq!(cable.ear.take_alarms(), alarms.concat());
     assert_eq!(cable.ear.loss_count(), 2);
 }
+
+#[test]
+fn taps_for_which_nobody_asks_are_one_alarm() {
+    // Catches an alarm for each of them, and none when it happens again.
+    let cable = Cable::new(&config(16));
+    for turn in 0..2 {
+        let count = TAPS_MAX as u64 + 9;
+        let first = turn * 600 * (count + 1);
+        let taps: Vec<u64> = (1..=count).map(|n| first + 600 * n - 300).collect();
+        cable.play([Step::Frames(frames(first..first + 600 * (count + 1), &taps))]);
+        assert_eq!(cable.ear.take_alarms(), ["more taps were heard than the station has asked for"]);
+        assert!(cable.ear.take_tap().is_some());
+    }
+}
