@@ -21,7 +21,7 @@ use std::thread::{Builder, JoinHandle};
 use std::time::Duration;
 
 use anyhow::{Context as _, Result};
-use axum::extract::{Form, Query, Request, State};
+use axum::extract::{DefaultBodyLimit, Form, FromRequest as _, Query, Request, State};
 use axum::http::header::{
     CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, REFERRER_POLICY, X_CONTENT_TYPE_OPTIONS,
 };
@@ -53,6 +53,10 @@ const FOLLOWERS_MAX: usize = 16;
 
 /// How long a client may take to send the head of a request.
 const HEAD_WITHIN: Duration = Duration::from_secs(10);
+
+/// How long a client may take to send its token, and most bytes of it with its name.
+const LOGIN_WITHIN: Duration = Duration::from_secs(10);
+const LOGIN_BYTES_MAX: usize = 4096;
 
 /// A client that has received nothing for so long is gone.
 const GONE_AFTER: Duration = Duration::from_secs(30);
@@ -185,7 +189,12 @@ fn router(app: App) -> Router {
         .route("/", get(index))
         .route("/app.js", file("text/javascript; charset=utf-8", include_str!("page/app.js")))
         .route("/app.css", file("text/css; charset=utf-8", include_str!("page/app.css")))
-        .route("/login", file("text/html; charset=utf-8", include_str!("page/login.html")).post(login))
+        .route(
+            "/login",
+            file("text/html; charset=utf-8", include_str!("page/login.html"))
+                .post(login)
+                .layer(DefaultBodyLimit::max(LOGIN_BYTES_MAX)),
+        )
         .route("/events", get(events))
         .route("/report", get(report))
         .route("/metrics", get(numbers))
@@ -217,8 +226,16 @@ async fn index(State(app): State<App>) -> Response {
     ([(CONTENT_TYPE, "text/html; charset=utf-8")], app.page.to_string()).into_response()
 }
 
-async fn login(State(app): State<App>, Form(login): Form<Login>) -> Response {
-    app.access.login(&login).await
+async fn login(State(app): State<App>, request: Request) -> Response {
+    // Whoever sends nothing more would keep one of the connections.
+    match tokio::time::timeout(LOGIN_WITHIN, Form::<Login>::from_request(request, &())).await {
+        Ok(Ok(Form(login))) => app.access.login(&login).await,
+        Ok(Err(refusal)) => refusal.into_response(),
+        Err(_) => {
+            let why = format!("the token has not come within {} s", LOGIN_WITHIN.as_secs());
+            refuse(StatusCode::REQUEST_TIMEOUT, why)
+        }
+    }
 }
 
 /// Every new status, as server-sent events; a slow client misses some.

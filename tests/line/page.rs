@@ -279,8 +279,8 @@ fn a_rig_that_is_away_is_a_fault() {
     line.interrupt();
 }
 
-/// Catches a page that others can read without the token, or by a name of theirs for this machine, a token that is not taken,
-/// a file that anyone can ask for, and answers without the headers that bind a browser.
+/// Catches a page that others can read without the token, or by a name of theirs for this machine, a token that is not taken or is
+/// waited for for ever, a file that anyone can ask for, and answers without the headers that bind a browser.
 #[test]
 fn only_who_may_sees_the_line() {
     let sandbox = Sandbox::new();
@@ -325,11 +325,12 @@ fn only_who_may_sees_the_line() {
         ask(&address, "/healthz", "Authorization: Bearer a-token-of-20-letters\r\n").code == 200
     });
     let form = "token=a-token-of-20-letters";
-    let posted = format!(
-        "POST /login HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\nContent-Type: application/x-www-form-urlencoded\r\n\
-         Content-Length: {}\r\n\r\n{form}",
-        form.len()
-    );
+    let post = |bytes: usize, body: &str| {
+        let head =
+            format!("POST /login HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\nContent-Length: {bytes}\r\n");
+        format!("{head}Content-Type: application/x-www-form-urlencoded\r\n\r\n{body}")
+    };
+    let posted = post(form.len(), form);
     for answer in [ask(&address, "/?token=a-token-of-20-letters", ""), send(&address, &posted)] {
         let cookie = answer.header("set-cookie").unwrap();
         assert!(answer.code == 303 && cookie.contains("HttpOnly") && !cookie.contains("a-token"), "{answer:?}");
@@ -338,6 +339,8 @@ fn only_who_may_sees_the_line() {
     }
     let wrong = ask(&address, "/?token=a-token-of-20-letterz", "");
     assert!(wrong.header("set-cookie").is_none() && wrong.code == 303, "{wrong:?}");
+    assert_eq!(send(&address, &post(5000, &"x".repeat(5000))).code, 413, "too long");
+    assert_eq!(send(&address, &post(form.len(), "token=")).code, 408, "the rest does not come");
     line.interrupt().expect(0);
 }
 
