@@ -30,6 +30,9 @@ const KEPT_MAX: usize = 1000;
 /// Most alarms that wait to be taken.
 const ALARMS_MAX: usize = 64;
 
+/// After how long a verdict whose file could not be read is read again.
+pub(super) const READ_AGAIN_AFTER: Duration = Duration::from_secs(60);
+
 /// A verdict that waits for this long is a trouble.
 const LATE_AFTER_NS: i64 = 60_000_000_000;
 
@@ -80,8 +83,8 @@ struct Waiting {
     /// Its number among those that came in, from 1.
     #[cfg_attr(not(feature = "plant"), expect(dead_code, reason = "only OPC UA asks for it"))]
     serial: u64,
-    /// Whether its file could not be read: it waits for the next start of the line.
-    is_unreadable: bool,
+    /// When its file could not be read, unless it has been read since.
+    unreadable_at: Option<Instant>,
 }
 
 #[derive(Default)]
@@ -178,7 +181,7 @@ impl Outbox {
         let verdict = verdict.filter(|_| state.waiting.len() < KEPT_MAX);
         state.count += 1;
         let serial = state.count;
-        state.waiting.insert(key, Waiting { note, file_name, owed, verdict, serial, is_unreadable: false });
+        state.waiting.insert(key, Waiting { note, file_name, owed, verdict, serial, unreadable_at: None });
         state.wakes.iter().for_each(|wake| wake());
     }
 
@@ -233,23 +236,26 @@ impl Outbox {
         newer
     }
 
-    /// The verdict that `note` is about. Where it cannot be read, `note` is not reported before the next start of the line.
+    /// The verdict that `note` is about. Where it cannot be read, `note` is not reported for [`READ_AGAIN_AFTER`].
     pub(crate) fn read(&self, note: &Unreported) -> Option<Arc<CasingVerdict>> {
-        let kept = self.state().waiting.get(&(note.at_ns, note.number)).and_then(|waiting| waiting.verdict.clone());
+        let key = (note.at_ns, note.number);
+        let kept = self.state().waiting.get(&key).and_then(|waiting| waiting.verdict.clone());
         if kept.is_some() {
             return kept;
         }
         let path = self.file_of(note);
         let read = Reader::open(&path).map_err(anyhow::Error::from);
-        match read.and_then(|reader| CasingVerdict::read(&note.name, note.number, note.at_ns, &reader)) {
+        let read = read.and_then(|reader| CasingVerdict::read(&note.name, note.number, note.at_ns, &reader));
+        let mut state = self.state();
+        let now = read.is_err().then(Instant::now);
+        let before = state.waiting.get_mut(&key).and_then(|waiting| std::mem::replace(&mut waiting.unreadable_at, now));
+        match read {
             Ok(verdict) => Some(Arc::new(verdict)),
             Err(error) => {
-                tracing::error!("the verdict on casing {} cannot be reported: {error:#}", note.name);
-                let mut state = self.state();
-                if let Some(waiting) = state.waiting.get_mut(&(note.at_ns, note.number)) {
-                    waiting.is_unreadable = true;
+                if before.is_none() {
+                    tracing::error!("the verdict on casing {} cannot be reported: {error:#}", note.name);
+                    state.alarm(format!("casing {}: its verdict cannot be reported: {error:#}", note.name));
                 }
-                state.alarm(format!("casing {}: its verdict cannot be reported: {error:#}", note.name));
                 None
             }
         }
@@ -352,7 +358,8 @@ impl Outbox {
     /// What cannot be reported.
     pub(crate) fn trouble(&self) -> Option<String> {
         let state = self.state();
-        let unreadable = state.waiting.values().filter(|waiting| waiting.is_unreadable).map(|waiting| &waiting.note);
+        let unreadable = state.waiting.values().filter(|waiting| waiting.unreadable_at.is_some());
+        let unreadable = unreadable.map(|waiting| &waiting.note);
         let unnamed = state.unnamed.iter().filter(|_| self.opened_at.elapsed() > NAMED_WITHIN);
         let notes: Vec<&Unreported> = unreadable.chain(unnamed).collect();
         let first = notes.first()?;
@@ -368,7 +375,8 @@ impl Outbox {
 impl State {
     /// The verdicts that `receiver` is to be sent, the oldest first.
     fn owed(&self, receiver: Receiver) -> impl Iterator<Item = &Waiting> {
-        self.waiting.values().filter(move |waiting| !waiting.is_unreadable && waiting.owed.contains(&receiver))
+        let may_be_read = |waiting: &&Waiting| waiting.unreadable_at.is_none_or(|at| at.elapsed() > READ_AGAIN_AFTER);
+        self.waiting.values().filter(may_be_read).filter(move |waiting| waiting.owed.contains(&receiver))
     }
 
     fn alarm(&mut self, text: String) {
@@ -382,5 +390,27 @@ impl State {
 fn report(note: &str, changed: std::io::Result<()>) {
     if let Err(error) = changed {
         tracing::error!("cannot keep the acknowledgement of the verdict {note}: {error}; it will be reported again");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a verdict that is given up since its file could not be read once, and one that is read again and again.
+    #[test]
+    fn what_cannot_be_read_is_read_again_later() {
+        let folder = tempfile::tempdir().unwrap();
+        let places = Places::new(folder.path(), false);
+        fs::create_dir_all(places.unreported_folder()).unwrap();
+        let outbox = Outbox::open(&places, vec![Receiver::Print]).unwrap();
+        let note = Unreported { number: 1, name: "A".to_owned(), station: 1, at_ns: 1, file: PathBuf::from("A.h5") };
+        outbox.put(note.clone(), None);
+        assert!(outbox.read(&note).is_none());
+        assert_eq!((outbox.next(Receiver::Print, None), outbox.trouble().is_some()), (None, true));
+        for waiting in outbox.state().waiting.values_mut() {
+            waiting.unreadable_at = Instant::now().checked_sub(READ_AGAIN_AFTER);
+        }
+        assert_eq!(outbox.next(Receiver::Print, None), Some(note));
     }
 }

@@ -10,7 +10,7 @@ use crossbeam::channel::{self, RecvTimeoutError, Sender, bounded};
 use tapline_store::Unreported;
 
 use crate::shown::verdict::CasingVerdict;
-use crate::wires::outbox::{Outbox, Receiver};
+use crate::wires::outbox::{Outbox, READ_AGAIN_AFTER, Receiver};
 
 /// When a verdict that could not be reported is reported again.
 const AGAIN_AFTER: Duration = Duration::from_secs(5);
@@ -104,7 +104,8 @@ impl<F: FnMut(&Unreported, &CasingVerdict, &Until) -> Reported> Thread<F> {
             if is_ending {
                 return;
             }
-            let patience = again_at.map_or(Duration::MAX, |at| at.saturating_duration_since(Instant::now()));
+            // A verdict that could not be read, by any receiver, may be read again by then.
+            let patience = again_at.map_or(READ_AGAIN_AFTER, |at| at.saturating_duration_since(Instant::now()));
             if self.news.recv_timeout(patience) == Err(RecvTimeoutError::Disconnected) {
                 return;
             }
