@@ -21,10 +21,11 @@ use tapline_wire::{OVER, now_ns};
 use crate::shown::status::ReceiverStatus;
 use crate::shown::verdict::CasingVerdict;
 
-/// Most verdicts that may wait at once; those beyond stay on the disk for the next start of the line.
+/// Most verdicts that may wait at once. The oldest make room for further ones: their notes stay on the disk for the next start of the
+/// line.
 const WAITING_MAX: usize = 100_000;
 
-/// Most verdicts that wait in memory; the others are read from their files.
+/// Most verdicts that wait in memory, the newest; the others are read from their files.
 const KEPT_MAX: usize = 1000;
 
 /// Most alarms that wait to be taken.
@@ -98,7 +99,8 @@ struct State {
     troubles: BTreeMap<(Receiver, &'static str), (String, String)>,
     alarms: Vec<String>,
     wakes: Vec<Wake>,
-    is_full: bool,
+    /// How many have made room for others.
+    left_count: u64,
 }
 
 /// The verdicts that are still to be reported.
@@ -168,17 +170,16 @@ impl Outbox {
             return self.remove(&file_name);
         }
         let mut state = self.state();
-        if state.waiting.len() >= WAITING_MAX {
-            if !std::mem::replace(&mut state.is_full, true) {
-                let text =
-                    format!("{WAITING_MAX} verdicts wait to be sent: further ones are sent after the next start");
-                tracing::error!("{text}");
-                state.alarms.push(text);
-            }
-            return;
+        // A receiver that never acknowledges keeps no verdict from the others.
+        if state.waiting.len() >= WAITING_MAX && state.waiting.pop_first().is_some() {
+            state.left_count += 1;
+        }
+        if verdict.is_some()
+            && let Some(older) = state.waiting.values_mut().rev().nth(KEPT_MAX - 1)
+        {
+            older.verdict = None;
         }
         let key = (note.at_ns, note.number);
-        let verdict = verdict.filter(|_| state.waiting.len() < KEPT_MAX);
         state.count += 1;
         let serial = state.count;
         state.waiting.insert(key, Waiting { note, file_name, owed, verdict, serial, unreadable_at: None });
@@ -355,20 +356,26 @@ impl Outbox {
         self.receivers.iter().map(|&receiver| of(receiver)).collect()
     }
 
-    /// What cannot be reported.
-    pub(crate) fn trouble(&self) -> Option<String> {
+    /// What cannot be reported, or not before the next start of the line.
+    pub(crate) fn troubles(&self) -> Vec<String> {
         let state = self.state();
+        let left = (state.left_count > 0).then(|| {
+            let older = counted(state.left_count as usize, "older one waits", "older ones wait");
+            format!("{WAITING_MAX} verdicts wait to be acknowledged: {older} for the next start of the line")
+        });
         let unreadable = state.waiting.values().filter(|waiting| waiting.unreadable_at.is_some());
         let unreadable = unreadable.map(|waiting| &waiting.note);
         let unnamed = state.unnamed.iter().filter(|_| self.opened_at.elapsed() > NAMED_WITHIN);
         let notes: Vec<&Unreported> = unreadable.chain(unnamed).collect();
-        let first = notes.first()?;
-        let file = self.file_of(first);
-        Some(format!(
-            "{} verdicts cannot be reported: the first one's file, {}, is missing or damaged",
-            notes.len(),
-            file.display()
-        ))
+        let lost = notes.first().map(|first| {
+            let file = self.file_of(first);
+            format!(
+                "{} verdicts cannot be reported: the first one's file, {}, is missing or damaged",
+                notes.len(),
+                file.display()
+            )
+        });
+        left.into_iter().chain(lost).collect()
     }
 }
 
@@ -397,17 +404,38 @@ fn report(note: &str, changed: std::io::Result<()>) {
 mod tests {
     use super::*;
 
+    fn note(number: u64) -> Unreported {
+        Unreported { number, name: "A".to_owned(), station: 1, at_ns: number as i64, file: PathBuf::from("A.h5") }
+    }
+
+    fn outbox(receivers: Vec<Receiver>) -> (tempfile::TempDir, Arc<Outbox>) {
+        let folder = tempfile::tempdir().unwrap();
+        let places = Places::new(folder.path(), true);
+        places.create().unwrap();
+        (folder, Outbox::open(&places, receivers).unwrap())
+    }
+
+    /// Catches a receiver that never acknowledges, and for which the others get no more verdicts.
+    #[test]
+    fn the_oldest_verdict_makes_room() {
+        let (_folder, outbox) = outbox(vec![Receiver::Modbus, Receiver::Print]);
+        (1..=WAITING_MAX as u64).for_each(|number| outbox.put(note(number), None));
+        assert_eq!((outbox.next(Receiver::Print, None), outbox.troubles()), (Some(note(1)), Vec::new()));
+        let newest = WAITING_MAX as u64 + 1;
+        outbox.put(note(newest), None);
+        assert_eq!(outbox.next(Receiver::Modbus, None), Some(note(2)));
+        assert!(outbox.acknowledge(Receiver::Print, newest));
+        assert!(outbox.troubles().concat().contains("1 older one waits"));
+    }
+
     /// Catches a verdict that is given up since its file could not be read once, and one that is read again and again.
     #[test]
     fn what_cannot_be_read_is_read_again_later() {
-        let folder = tempfile::tempdir().unwrap();
-        let places = Places::new(folder.path(), false);
-        fs::create_dir_all(places.unreported_folder()).unwrap();
-        let outbox = Outbox::open(&places, vec![Receiver::Print]).unwrap();
-        let note = Unreported { number: 1, name: "A".to_owned(), station: 1, at_ns: 1, file: PathBuf::from("A.h5") };
+        let (_folder, outbox) = outbox(vec![Receiver::Print]);
+        let note = note(1);
         outbox.put(note.clone(), None);
         assert!(outbox.read(&note).is_none());
-        assert_eq!((outbox.next(Receiver::Print, None), outbox.trouble().is_some()), (None, true));
+        assert_eq!((outbox.next(Receiver::Print, None), outbox.troubles().len()), (None, 1));
         for waiting in outbox.state().waiting.values_mut() {
             waiting.unreadable_at = Instant::now().checked_sub(READ_AGAIN_AFTER);
         }

@@ -450,7 +450,7 @@ impl<'a> Supervisor<'a> {
     fn troubles(&self) -> Vec<String> {
         let is_ending = self.shown.is_ending.then(|| "the line is ending".to_owned());
         let of_line = self.shown.held_by.clone().into_iter().chain(is_ending);
-        let of_wires = self.audience.wires.as_ref().and_then(|wires| wires.outbox.trouble());
+        let of_wires = self.audience.wires.as_ref().map(|wires| wires.outbox.troubles()).unwrap_or_default();
         let of_receivers = self.shown.receivers.iter().filter_map(|receiver| receiver.trouble.clone());
         let of_stations = self.shown.stations.iter();
         let mut faults: Vec<String> = of_stations
