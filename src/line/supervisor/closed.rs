@@ -2,6 +2,7 @@
 
 use std::cmp::Reverse;
 use std::collections::BTreeSet;
+use std::fs::File;
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -61,9 +62,16 @@ impl Supervisor<'_> {
         if self.is_list || is_next_open || !self.with_rig.contains(&station) {
             return;
         }
-        let written = write_atomically(&path, Existing::Replace, |mut file| file.write_all(name.as_bytes()));
-        if let Err(error) = written {
-            tracing::warn!("a line that starts anew may scan {name} again if it is still on the rig: {error}");
+        let write = || -> Result<()> {
+            write_atomically(&path, Existing::Replace, |mut file| {
+                file.write_all(name.as_bytes())?;
+                file.sync_all()
+            })?;
+            // The name too: after a power cut the note must be there, as the casing's file is.
+            Ok(path.parent().map_or(Ok(()), |folder| File::open(folder)?.sync_all())?)
+        };
+        if let Err(error) = write() {
+            tracing::warn!("a line that starts anew may scan {name} again if it is still on the rig: {error:#}");
         }
     }
 
