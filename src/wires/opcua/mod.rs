@@ -17,12 +17,16 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context as _, Result, anyhow};
+use jiff::Timestamp;
+use jiff::tz::TimeZone;
+use opcua::crypto::CertificateStore;
 use opcua::nodes::Event;
 use opcua::server::diagnostics::NamespaceMetadata;
 use opcua::server::node_manager::memory::{SimpleNodeManager, simple_node_manager};
 use opcua::server::{ANONYMOUS_USER_TOKEN_ID, Server, ServerBuilder, ServerEndpoint, ServerHandle, ServerUserToken};
 use opcua::types::{DataValue, StatusCode, Variant};
 use tapline_host::connection::{User, listen};
+use tapline_wire::now_ns;
 
 use crate::config::wires::OpcUaConfig;
 use crate::shown::verdict::CasingVerdict;
@@ -37,6 +41,13 @@ const SESSIONS_MAX: usize = 16;
 
 /// How long a client may take to send its first message, in seconds.
 const HELLO_WITHIN_S: u32 = 5;
+
+/// The line's certificate and its key, in the folder of certificates.
+const CERTIFICATE: &str = "own/cert.der";
+const KEY: &str = "private/private.pem";
+
+/// How long before its end a certificate is a trouble, in seconds.
+const ENDS_SOON_S: i64 = 30 * 86_400;
 
 /// Names of the node managers.
 const TYPES: &str = "types";
@@ -68,9 +79,10 @@ pub(super) fn start(config: &OpcUaConfig, plant: &Plant) -> Result<(Wire, String
     let builder = builder(address, config.pki_folder.as_deref(), user, scratch.path())?;
     let wire = Wire::start(Receiver::OpcUa, plant, || {
         let (prepared, plant) = (prepare(builder, plant)?, plant.clone());
+        let end_s = config.pki_folder.as_deref().map(certificate_end_s).transpose()?;
         Ok(move |news| async move {
             let _until_the_end = scratch;
-            serve(listener, prepared, plant, news).await
+            serve(listener, prepared, end_s, plant, news).await
         })
     })?;
     Ok((wire, format!("opc.tcp://{address}")))
@@ -104,7 +116,7 @@ fn builder(address: SocketAddr, pki: Option<&Path>, user: Option<User>, scratch:
             let made = DirBuilder::new().recursive(true).mode(0o700).create(folder.join("private"));
             made.with_context(|| format!("line.opcua.pki_folder = \"{}\": cannot make it", folder.display()))?;
             builder = builder.pki_dir(folder).create_sample_keypair(true);
-            builder = builder.certificate_path("own/cert.der").private_key_path("private/private.pem");
+            builder = builder.certificate_path(CERTIFICATE).private_key_path(KEY);
             ServerEndpoint::new_basic256sha256_sign_encrypt("/", &[token])
         }
         None => {
@@ -113,6 +125,24 @@ fn builder(address: SocketAddr, pki: Option<&Path>, user: Option<User>, scratch:
         }
     };
     Ok(builder.add_endpoint("line", endpoint))
+}
+
+/// When the line's certificate in `folder` ends, in seconds since the Unix epoch.
+fn certificate_end_s(folder: &Path) -> Result<i64> {
+    let path = folder.join(CERTIFICATE);
+    let context = || format!("line.opcua.pki_folder: {} is no certificate", path.display());
+    let certificate = CertificateStore::read_cert(&path).map_err(|error| anyhow!(error)).with_context(context)?;
+    Ok(certificate.not_after().with_context(context)?.timestamp())
+}
+
+/// The trouble, at `now_s`, of a certificate that ends at `end_s`; `None` if that is far off.
+fn certificate_trouble(end_s: i64, now_s: i64) -> Option<String> {
+    let end = Timestamp::from_second(end_s).ok().filter(|_| end_s - now_s < ENDS_SOON_S)?;
+    let day = end.to_zoned(TimeZone::system()).date();
+    Some(format!(
+        "opcua: the line's certificate ends on {day}, and clients may refuse it then: remove {CERTIFICATE} and {KEY}, and the next start \
+         of the line makes others"
+    ))
 }
 
 fn namespace(uri: &str) -> NamespaceMetadata {
@@ -164,7 +194,13 @@ fn show(line: &SimpleNodeManager, namespaces: Namespaces, plant: &Plant, station
 }
 
 /// Serves clients until the wire ends.
-async fn serve(listener: std::net::TcpListener, prepared: Prepared, plant: Plant, mut news: News) -> Result<()> {
+async fn serve(
+    listener: std::net::TcpListener,
+    prepared: Prepared,
+    certificate_end_s: Option<i64>,
+    plant: Plant,
+    mut news: News,
+) -> Result<()> {
     let Prepared { server, handle, namespaces } = prepared;
     let listener = tokio::net::TcpListener::from_std(listener)?;
     let mut ended = news.clone();
@@ -173,6 +209,10 @@ async fn serve(listener: std::net::TcpListener, prepared: Prepared, plant: Plant
     let publish = async {
         let mut count = plant.outbox.count();
         while news.next().await {
+            let trouble = certificate_end_s.and_then(|end_s| certificate_trouble(end_s, now_ns() / 1_000_000_000));
+            if trouble.is_some() {
+                plant.outbox.set_trouble(Receiver::OpcUa, "its certificate", trouble);
+            }
             for (number, note) in plant.outbox.newer(Receiver::OpcUa, count) {
                 count = number;
                 if let Some(verdict) = plant.outbox.read(&note) {
@@ -197,4 +237,27 @@ fn notify(handle: &ServerHandle, namespaces: Namespaces, verdict: &CasingVerdict
     let event = ResultReady::new(verdict, namespaces.of_line("casing-judged"), &source, namespaces.result);
     // Clients that have subscribed to the events of the whole server get it too.
     handle.subscriptions().notify_events(std::iter::once((&event as &dyn Event, &source)));
+}
+
+#[cfg(test)]
+mod tests {
+    use opcua::crypto::X509Data;
+
+    use super::*;
+
+    /// Catches a certificate whose end nobody is told of before clients refuse it.
+    #[test]
+    fn the_end_of_a_certificate_is_a_trouble_a_month_before() {
+        let folder = tempfile::tempdir().unwrap();
+        let (certificate, key) = (folder.path().join(CERTIFICATE), folder.path().join(KEY));
+        CertificateStore::create_certificate_and_key(&X509Data::sample_cert(), false, &certificate, &key).unwrap();
+        let end_s = certificate_end_s(folder.path()).unwrap();
+        assert_eq!(certificate_trouble(end_s, now_ns() / 1_000_000_000), None, "it has just been made");
+        assert_eq!(certificate_trouble(end_s, end_s - ENDS_SOON_S), None);
+        let trouble = certificate_trouble(end_s, end_s - ENDS_SOON_S + 1).unwrap();
+        assert!(trouble.contains("the line's certificate ends on 20"), "{trouble}");
+        assert!(certificate_trouble(end_s, end_s + 1).is_some());
+        let refused = certificate_end_s(Path::new("nowhere")).unwrap_err().to_string();
+        assert!(refused.contains("nowhere/own/cert.der is no certificate"), "{refused}");
+    }
 }
