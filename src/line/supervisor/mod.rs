@@ -364,7 +364,8 @@ impl<'a> Supervisor<'a> {
         }
     }
 
-    /// Adds an alarm; one that is shown already is shown as new, so that it pushes out no other. A text that begins with [`OVER`] is no new one: it replaces the text of its alarm, if that is still shown.
+    /// Adds an alarm; one that is shown already is shown as new, so that it pushes out no other. A text that begins with [`OVER`] is no new
+    /// one: it replaces the text of its alarm, if that is still shown.
     fn alarm(&mut self, text: String) {
         if let Some(begun) = text.strip_prefix(OVER) {
             for alarm in self.shown.alarms.iter_mut().filter(|alarm| alarm.text == begun) {

@@ -245,7 +245,7 @@ mod tests {
 
     use super::*;
 
-    /// Catches a certificate whose end nobody is told of before clients refuse it.
+    /// Catches a certificate that ends without a warning: clients then refuse the line.
     #[test]
     fn the_end_of_a_certificate_is_a_trouble_a_month_before() {
         let folder = tempfile::tempdir().unwrap();
