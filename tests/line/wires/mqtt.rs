@@ -5,7 +5,7 @@ use std::fs;
 use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use rustix::process::Signal;
 use serde_json::Value;
@@ -130,8 +130,10 @@ fn what_stands_at_a_station_is_cleared_when_it_is_in_doubt() {
     fs::create_dir(sandbox.path("sets/bad")).unwrap();
     sandbox.write("sets/bad/scan.toml", "geometry = \"ring\"\n");
     sandbox.write("sets/bad/taps.csv", "file\n");
+    let arrived = Instant::now();
     arrives("bad");
     assert_eq!(wait("ready").payload["verdict"], Value::Null, "the next casing is refused");
+    assert!(arrived.elapsed() < Duration::from_secs(60), "not only when the verdict is too old");
     until("the page shows it no more", || status(&sandbox)["stations"][0]["last"].is_null());
     drop(line.kill());
     assert_eq!(wait("no_signal").payload["verdict"], Value::Null);
