@@ -33,15 +33,6 @@ pub(crate) fn bend(archive: &Path, table: &str, at: usize) {
     fs::write(archive, bytes).unwrap();
 }
 
-/// Flips a bit of a sample of a finished archive: the seal says where they are, since it does not cover them.
-pub(crate) fn bend_sample(archive: &Path) {
-    let mut bytes = fs::read(archive).unwrap();
-    let word = |at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap()) as usize;
-    let first = word(word(bytes.len() - 24) + 56);
-    bytes[first + 100] ^= 1;
-    fs::write(archive, bytes).unwrap();
-}
-
 /// Writes `rows` of `whole`, with headers as `change` makes them, to an archive of the same plan at `to`.
 pub(crate) fn part_of(whole: &Reader, to: PathBuf, rows: Range<u32>, mut change: impl FnMut(u32, &mut TapHeader)) {
     let mut writer = Writer::create(to, whole.plan(), whole.plan().taps().len(), whole.config()).unwrap();

@@ -1,23 +1,19 @@
 //! Markers of finished files: a marker is written before the file is renamed, and removed when every other stage has been
 //! notified. After a `store` that was killed in between, the next one notifies them, so that no stage waits for ever.
 
-use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
-use rustix::fs::{Advice, fadvise};
 use serde::{Deserialize, Serialize};
 use tapline_wire::{CasingHeader, Stamp, casing_number};
 
 use super::open_casing::OpenCasing;
-use super::outcome::write_failure;
 use super::places::{name_of_open, stem_of};
-use super::unreported::{Unreported, casing_id};
+use super::unreported::Unreported;
 use super::{Result, RunError, StageLoop};
 use crate::error::{Context as _, Error};
-use crate::file::draft::{rename_new, sync_folder_of};
+use crate::file::draft::rename_new;
 use crate::read::reader::Reader;
-use crate::read::verify::verify;
 
 /// Extension of a marker, which otherwise has the name of the unfinished file.
 const ENDING: &str = "closed";
@@ -95,11 +91,10 @@ impl StageLoop<'_> {
             let open = marker.with_extension("h5");
             let path = contents.path.clone();
             let closed = contents.closed(marker);
-            if !open.exists() || self.rename_finished(&open, &closed.header, path)? {
-                self.note_closed(closed);
-            } else {
-                remove(&closed.marker);
+            if open.exists() {
+                self.rename_finished(&open, &closed.header, path)?;
             }
+            self.note_closed(closed);
         }
         Ok(())
     }
@@ -111,22 +106,12 @@ impl StageLoop<'_> {
         let header = OpenCasing::header_of(casing_number(&stem), Reader::open(open)?.plan());
         let contents = Marker::new(&header, &path);
         let marker = contents.write(open)?;
-        match self.rename_finished(open, &header, path)? {
-            true => self.note_closed(contents.closed(marker)),
-            false => remove(&marker),
-        }
+        self.rename_finished(open, &header, path)?;
+        self.note_closed(contents.closed(marker));
         Ok(())
     }
 
-    /// Gives the finished file at `open` its name; returns whether it has it: a damaged file is put aside instead.
-    fn rename_finished(&self, open: &Path, header: &CasingHeader, path: PathBuf) -> Result<bool, RunError> {
-        if let Some(what) = damage(open).map_err(write_failure)? {
-            let left = self.run.places.leave(open)?;
-            tracing::error!("{what}; this finished file is put aside as {}", left.display());
-            // There is no verdict to report, and there may be no note either.
-            drop(fs::remove_file(self.run.places.unreported_folder().join(casing_id(header.stamp.casing))));
-            return Ok(false);
-        }
+    fn rename_finished(&self, open: &Path, header: &CasingHeader, path: PathBuf) -> Result<(), RunError> {
         if self.run.notes_unreported {
             // Its name shows that the file was not reported yet: a note that is there already is replaced.
             Unreported::new(header, &name_of_open(&stem_of(open)), &path, &self.run.places).write(&self.run.places)?;
@@ -135,13 +120,9 @@ impl StageLoop<'_> {
             // Without an atomic rename, a crash may have left both names.
             Err(Error::Exists { .. }) => {
                 tracing::error!("{} already exists; {} stays where it is", path.display(), open.display());
-                Ok(true)
+                Ok(())
             }
-            renamed => {
-                renamed?;
-                sync_folder_of(&path)?;
-                Ok(true)
-            }
+            renamed => Ok(renamed?),
         }
     }
 
@@ -149,19 +130,5 @@ impl StageLoop<'_> {
         let station = u16::try_from(closed.header.station).unwrap_or(u16::MAX);
         closed.acquire = self.line.limits().acquire_of(station);
         self.notices.closed(closed);
-    }
-}
-
-/// What is wrong with the finished file at `open`. The `store` that finished it may have ended because the disk did not take it: the
-/// system says so only once, and goes on to show what it has in memory. So it is read from the disk.
-fn damage(open: &Path) -> Result<Option<String>> {
-    let file = File::open(open).context("read", open)?;
-    file.sync_all().context("sync", open)?;
-    fadvise(&file, 0, None, Advice::DontNeed).map_err(io::Error::from).context("read", open)?;
-    match verify(open) {
-        Ok(report) if !report.is_finished => Ok(Some(format!("{}: its seal is missing", open.display()))),
-        Ok(report) => Ok(report.problems.first().map(|problem| format!("{}: {problem}", open.display()))),
-        Err(error) if error.is_recoverable() && !error.is_unreadable_part() => Err(error),
-        Err(error) => Ok(Some(error.to_string())),
     }
 }

@@ -11,7 +11,6 @@ use tapline_wire::casing_number;
 use crate::line::wires::{status, unreported};
 use crate::line::{INBOX, all_finished, slow_plant};
 use crate::sandbox::Sandbox;
-use crate::sandbox::archives::bend_sample;
 use crate::sandbox::running::{Running, until};
 
 /// A hook that keeps the line of each verdict; one that is cut short, since the line was killed, comes again.
@@ -119,20 +118,6 @@ fn each_step_between_two_can_be_the_last_of_a_line() {
     let mut line = idle_line(&sandbox);
     assert_eq!(line.verdict(), *first, "it was kept");
     line.interrupt().expect(0);
-
-    // Finished, but the disk did not take a sample: it gets neither its name nor a verdict.
-    let stem = format!("{}.4321", first["casing"].as_str().unwrap());
-    let (number, name) = (casing_number(&stem), format!("{stem}.h5"));
-    let open = sandbox.path("out/open").join(&name);
-    fs::rename(path(first), &open).unwrap();
-    bend_sample(&open);
-    let note = note(first, number);
-    fs::write(folder.join(note.id()), serde_json::to_vec(&note).unwrap()).unwrap();
-    let line = idle_line(&sandbox);
-    until("it is put aside", || sandbox.path("out/left").join(&name).is_file());
-    let done = line.interrupt().expect(0);
-    assert!(done.out.is_empty() && done.err.contains("this finished file is put aside"), "{done:?}");
-    assert_eq!(unreported(&sandbox), ["foreign"]);
 }
 
 /// Catches a verdict that a line which is killed at any moment never reports, a note that stays, and verdicts that differ from what
