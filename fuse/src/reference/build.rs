@@ -87,23 +87,16 @@ fn learned(pattern: &Pattern, shoulders: &[Shoulder], directions: Directions) ->
     let all: Vec<&Shoulder> = shoulders.iter().collect();
     let sound: Vec<Vec<bool>> = all.iter().map(|shoulder| shoulder.sound()).collect();
     let Some(index) = index::fit(&setup, &all, &sound) else { return BTreeMap::new() };
-    let mut scores: Vec<(Vec<f64>, Vec<bool>)> = vec![Default::default(); Discriminator::COUNT];
-    let mut crack_count = 0_u32;
+    let mut all_seen: Vec<Seen> = vec![Seen::default(); Discriminator::COUNT];
     for casing in all.chunk_by(|a, b| a.casing == b.casing) {
         for (shoulder, found) in casing.iter().zip(index.scores(casing)) {
-            let runs = shoulder.is_cracked.chunk_by(|a, b| a == b);
-            crack_count += runs.map(|run| u32::from(run[0] == Some(true))).sum::<u32>();
-            for (by_discriminator, label) in found.by_discriminator.iter().zip(&shoulder.is_cracked) {
-                let Some(label) = label else { continue };
-                for ((scores, labels), score) in scores.iter_mut().zip(by_discriminator).filter(|(_, s)| s.is_finite())
-                {
-                    scores.push(*score);
-                    labels.push(*label);
-                }
+            for (d, seen) in all_seen.iter_mut().enumerate() {
+                seen.add(shoulder, &|place| found.by_discriminator[place][d]);
             }
         }
     }
-    let learn = |(which, (scores, labels)): (Discriminator, (Vec<f64>, Vec<bool>))| {
+    let learn = |(which, seen): (Discriminator, Seen)| {
+        let Seen { scores, labels, crack_count } = seen;
         let cracked = labels.iter().filter(|&&label| label).count();
         let sound = labels.len() - cracked;
         let signed = auc(&scores, &labels)?;
@@ -115,7 +108,29 @@ fn learned(pattern: &Pattern, shoulders: &[Shoulder], directions: Directions) ->
         let is_sure = cracked >= CLASS_MIN && sound >= CLASS_MIN && (rising - 0.5).abs() > SURE_AT * error;
         Some((which, Learned { auc: rising, is_sure }))
     };
-    Discriminator::ALL.into_iter().zip(scores).filter_map(learn).collect()
+    Discriminator::ALL.into_iter().zip(all_seen).filter_map(learn).collect()
+}
+
+/// What labelled locations have of one discriminator.
+#[derive(Debug, Clone, Default)]
+struct Seen {
+    scores: Vec<f64>,
+    /// Whether each is cracked.
+    labels: Vec<bool>,
+    crack_count: u32,
+}
+
+impl Seen {
+    /// Adds the locations of `shoulder` that have a label and a score.
+    fn add(&mut self, shoulder: &Shoulder, score: &impl Fn(usize) -> f64) {
+        let label = |place: usize| shoulder.is_cracked[place].filter(|_| score(place).is_finite());
+        for (place, label) in (0..shoulder.place_count()).filter_map(|place| Some((place, label(place)?))) {
+            self.scores.push(score(place));
+            self.labels.push(label);
+        }
+        let numbers = shoulder.ring.numbered(|place| label(place) == Some(true));
+        self.crack_count += numbers.into_iter().max().unwrap_or(0);
+    }
 }
 
 fn summed_up(config: &FuseConfig, pattern: &Pattern, shoulders: &[Shoulder], fitted: &FittedReference) -> Summary {

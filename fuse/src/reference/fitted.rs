@@ -52,14 +52,14 @@ impl FittedReference {
         let left_out: Vec<LeftOut> =
             if setup.is_own || casings.len() < 2 { Vec::new() } else { left_out(&setup, offsets, &casings) };
         // One that is cracked all round says nothing of sound arcs.
-        let casing_count = match casings.len() {
+        let casing_count = match left_out.chunk_by(|a, b| a.casing == b.casing).count() {
             _ if setup.is_own => 0,
-            1 => 1,
-            _ => left_out.chunk_by(|a, b| a.casing == b.casing).count(),
+            0 => 1,
+            count => count,
         };
         let place_count = shoulders.first()?.place_count();
-        let scatter_limits = match casings.len() {
-            _ if setup.is_own => None,
+        let scatter_limits = match casing_count {
+            0 => None,
             1 => ScatterLimits::by(&scores.iter().collect::<Vec<_>>(), place_count),
             _ => ScatterLimits::by(&left_out.iter().map(|of| &of.scores).collect::<Vec<_>>(), place_count),
         };

@@ -15,7 +15,7 @@ pub(crate) fn supported_rate(casing_count: usize) -> Option<f64> {
 /// What the reference cannot support in verdicts by `config`, in words; `set` is the reference if it is a file.
 pub fn unsupported(config: &FuseConfig, set: Option<&ReferenceSet>) -> Vec<String> {
     let casing_count = match (set, &config.reference) {
-        (Some(set), _) => set.casings().len(),
+        (Some(set), _) => set.summary.casing_count,
         (None, Some(Reference::Shoulder { .. })) => 1,
         (None, _) => 0,
     };

@@ -198,10 +198,12 @@ fn directions_are_learned_where_labels_suffice() {
     assert_eq!(learned, [Direction::Rises, Direction::Rises, Direction::Falls]);
     assert_eq!(of(false).directions.of(Discriminator::Pr), Direction::Falls);
     assert!(of(false).auc["pr"] > 0.9 && (0.3..0.7).contains(&of(false).auc["a_1"]), "{:?}", of(false).auc);
-    // One crack is one chance, however many locations it has.
-    let one = Casing { cracks: vec![(1, 30..60)], ..casing };
+    // A crack counts once, however many locations it has, and over the seam of the ring too: three are too few.
+    let three = Casing { cracks: vec![(1, 90..100), (1, 0..10), (1, 30..40), (1, 60..70)], shift: 6.0, ..casing };
     assert_eq!(
-        build_reference(&Built { learns_directions: true, ..wrong }, shoulders_of(&one, 1, true, "A")).unwrap().learned,
+        build_reference(&Built { learns_directions: true, ..wrong }, shoulders_of(&three, 1, true, "A"))
+            .unwrap()
+            .learned,
         []
     );
 }
