@@ -67,7 +67,7 @@ pub(crate) struct CollectArgs {
     pub from: String,
     #[command(flatten)]
     pub server: ServerArgs,
-    /// End when no file waits; code 3 if one was refused, 1 if there were only errors for a minute.
+    /// End when no file waits; code 3 if one was refused or has no place, 1 if there were only errors for a minute.
     #[arg(long)]
     pub once: bool,
     /// Print what becomes of each file as a line of JSON.

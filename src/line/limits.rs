@@ -142,7 +142,7 @@ fn judge(needs: &Needs, limits: &Limits) -> Result<()> {
         };
         written.and_then(|()| write!(text, " ({cure})"))?;
     }
-    bail!("{text}; `tapline-lab headroom` measures how many stations a host supports")
+    bail!("{text}; docs/operating.md says how many stations a host supports")
 }
 
 fn descriptors(needs: &Needs) -> u64 {

@@ -170,10 +170,6 @@ impl Outbox {
             return self.remove(&file_name);
         }
         let mut state = self.state();
-        // A receiver that never acknowledges keeps no verdict from the others.
-        if state.waiting.len() >= WAITING_MAX && state.waiting.pop_first().is_some() {
-            state.left_count += 1;
-        }
         if verdict.is_some()
             && let Some(older) = state.waiting.values_mut().rev().nth(KEPT_MAX - 1)
         {
@@ -183,6 +179,10 @@ impl Outbox {
         state.count += 1;
         let serial = state.count;
         state.waiting.insert(key, Waiting { note, file_name, owed, verdict, serial, unreadable_at: None });
+        // A receiver that never acknowledges keeps no verdict from the others.
+        if state.waiting.len() > WAITING_MAX && state.waiting.pop_first().is_some() {
+            state.left_count += 1;
+        }
         state.wakes.iter().for_each(|wake| wake());
     }
 

@@ -46,7 +46,7 @@ const HELLO_WITHIN_S: u32 = 5;
 const CERTIFICATE: &str = "own/cert.der";
 const KEY: &str = "private/private.pem";
 
-/// How long before its end a certificate is a trouble, in seconds.
+/// How long before its end the line warns of it, in seconds. Clients are still served, so it is no trouble.
 const ENDS_SOON_S: i64 = 30 * 86_400;
 
 /// Names of the node managers.
@@ -135,8 +135,8 @@ fn certificate_end_s(folder: &Path) -> Result<i64> {
     Ok(certificate.not_after().with_context(context)?.timestamp())
 }
 
-/// The trouble, at `now_s`, of a certificate that ends at `end_s`; `None` if that is far off.
-fn certificate_trouble(end_s: i64, now_s: i64) -> Option<String> {
+/// The warning, at `now_s`, of a certificate that ends at `end_s`; `None` if that is far off.
+fn certificate_warning(end_s: i64, now_s: i64) -> Option<String> {
     let end = Timestamp::from_second(end_s).ok().filter(|_| end_s - now_s < ENDS_SOON_S)?;
     let day = end.to_zoned(TimeZone::system()).date();
     Some(format!(
@@ -207,11 +207,13 @@ async fn serve(
     let run = server.run_with(listener);
     tokio::pin!(run);
     let publish = async {
-        let mut count = plant.outbox.count();
+        let (mut count, mut has_warned) = (plant.outbox.count(), false);
         while news.next().await {
-            let trouble = certificate_end_s.and_then(|end_s| certificate_trouble(end_s, now_ns() / 1_000_000_000));
-            if trouble.is_some() {
-                plant.outbox.set_trouble(Receiver::OpcUa, "its certificate", trouble);
+            let warning = certificate_end_s.and_then(|end_s| certificate_warning(end_s, now_ns() / 1_000_000_000));
+            if let Some(warning) = warning.filter(|_| !has_warned) {
+                has_warned = true;
+                tracing::warn!("{warning}");
+                plant.outbox.alarm(warning);
             }
             for (number, note) in plant.outbox.newer(Receiver::OpcUa, count) {
                 count = number;
@@ -247,16 +249,16 @@ mod tests {
 
     /// Catches a certificate that ends without a warning: clients then refuse the line.
     #[test]
-    fn the_end_of_a_certificate_is_a_trouble_a_month_before() {
+    fn the_end_of_a_certificate_is_announced_a_month_before() {
         let folder = tempfile::tempdir().unwrap();
         let (certificate, key) = (folder.path().join(CERTIFICATE), folder.path().join(KEY));
         CertificateStore::create_certificate_and_key(&X509Data::sample_cert(), false, &certificate, &key).unwrap();
         let end_s = certificate_end_s(folder.path()).unwrap();
-        assert_eq!(certificate_trouble(end_s, now_ns() / 1_000_000_000), None, "it has just been made");
-        assert_eq!(certificate_trouble(end_s, end_s - ENDS_SOON_S), None);
-        let trouble = certificate_trouble(end_s, end_s - ENDS_SOON_S + 1).unwrap();
-        assert!(trouble.contains("the line's certificate ends on 20"), "{trouble}");
-        assert!(certificate_trouble(end_s, end_s + 1).is_some());
+        assert_eq!(certificate_warning(end_s, now_ns() / 1_000_000_000), None, "it has just been made");
+        assert_eq!(certificate_warning(end_s, end_s - ENDS_SOON_S), None);
+        let warning = certificate_warning(end_s, end_s - ENDS_SOON_S + 1).unwrap();
+        assert!(warning.contains("the line's certificate ends on 20"), "{warning}");
+        assert!(certificate_warning(end_s, end_s + 1).is_some());
         let refused = certificate_end_s(Path::new("nowhere")).unwrap_err().to_string();
         assert!(refused.contains("nowhere/own/cert.der is no certificate"), "{refused}");
     }
