@@ -18,8 +18,9 @@ fn column(table: &Value, name: &str) -> Vec<f64> {
 fn a_quick_study_is_sound_whatever_the_threads() {
     let sandbox = Sandbox::new();
     let printed = |threads: u32| {
-        let done =
-            sandbox.run(&format!("study --quick --json --seed 5 --threads {threads} --out threads-{threads}/study"));
+        let done = sandbox.run(&format!(
+            "study --quick --tyres 16 --json --seed 5 --threads {threads} --out threads-{threads}/study"
+        ));
         (done.json(0), done.out, files(&sandbox.path(&format!("threads-{threads}/study"))))
     };
     let (found, out, written) = printed(1);
