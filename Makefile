@@ -54,9 +54,11 @@ test: python
 	TAPLINE_PYTHON="$${TAPLINE_PYTHON:-$(CURDIR)/$(PYTHON)}" cargo test --workspace
 
 gates: setup
+	$(call install,libusb-1.0-0-dev libclang-dev g++)
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets -- -D warnings
 	cargo clippy -p tapline --no-default-features -- -D warnings
+	cargo clippy -p tapline-acquire --features uldaq -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --document-private-items
 
 # Everything that docs/performance.md has, measured on this machine.
