@@ -146,3 +146,26 @@ fn packed_chunks_change_entries_only() {
         assert_eq!(before[at..at + 24], after[at..at + 24], "the node at {at} is another");
     }
 }
+
+/// Catches samples that a power cut has lost, or a sector has changed, in an archive that is continued: it would be finished with them.
+#[test]
+fn altered_samples_are_taken_again() {
+    let (_here, path, plan, mut writer) = begun(big_plan());
+    put_all(&mut writer).unwrap();
+    writer.settle().unwrap();
+    writer.suspend().unwrap();
+    let chunks = chunk_bytes(&hdf5::File::open(&path).unwrap());
+    let mut bytes = std::fs::read(&path).unwrap();
+    bytes[chunks[3].start + 40] ^= 1;
+    bytes[chunks[5].clone()].fill(0);
+    std::fs::write(&path, bytes).unwrap();
+
+    let mut writer = Writer::resume(&path, CONFIG).unwrap();
+    let states = writer.ledger().taps();
+    let missing: Vec<usize> = (0..states.len()).filter(|&row| states[row] == TapState::Missing).collect();
+    assert_eq!(missing, [3, 5]);
+    put_all(&mut writer).unwrap();
+    writer.finish().unwrap();
+    let report = tapline_store::verify(&path).unwrap();
+    assert!(report.is_complete() && report.problems.is_empty(), "{:?} of {}", report.problems, plan.taps().len());
+}

@@ -82,3 +82,19 @@ fn a_damaged_file_is_noticed() {
         std::fs::remove_file(&path).unwrap();
     }
 }
+
+/// Catches a file whose structure leads nowhere and that counts as a failing disk: a line would wait for that disk for ever.
+#[test]
+fn a_structure_that_leads_nowhere_is_damage() {
+    let (_here, path) = new_path();
+    let whole = write(&path, Codec::Lz4, false);
+    let record = whole.windows(14).position(|bytes| bytes == b"tapline struct").unwrap();
+    let word = |at: usize| u64::from_le_bytes(whole[at..at + 8].try_into().unwrap()) as usize;
+    let mut of_node = whole.clone();
+    of_node[word(record + 104 + 16 * word(record + 88)) + 7] ^= 0x80;
+    for bytes in [whole[..record + 100].to_vec(), of_node] {
+        std::fs::write(&path, bytes).unwrap();
+        let error = Writer::resume(&path, CONFIG).unwrap_err();
+        assert!(!error.is_recoverable() && error.to_string().contains("structure"), "{error}");
+    }
+}

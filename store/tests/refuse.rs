@@ -171,6 +171,36 @@ fn stopped_results_hide_no_others() {
     assert_eq!(newest(), [of_job]);
 }
 
+/// Catches results that were given their archive's name, and are opened as the archive of their own taps without end.
+#[test]
+fn results_are_not_the_archive_of_their_taps() {
+    let (_here, path) = new_path();
+    let (results, given) = (path.with_file_name("results.h5"), plan(SampleFormat::I16));
+    finished(&path, &given, CONFIG);
+    let raw = (path.as_path(), Reader::open(&path).unwrap().raw_digest().unwrap());
+    Writer::results(&results, raw, &given, CONFIG.into()).unwrap().finish().unwrap();
+    fs::rename(&results, &path).unwrap();
+    let refusal = Reader::open(&path).unwrap_err().to_string();
+    assert!(refusal.contains("it has only results, and is named as the archive of their taps"), "{refusal}");
+}
+
+/// Catches a pipe in a folder of archives that is waited for.
+#[test]
+fn a_pipe_is_no_archive() {
+    let (_here, path) = new_path();
+    rustix::fs::mknodat(rustix::fs::CWD, &path, rustix::fs::FileType::Fifo, 0o600.into(), 0).unwrap();
+    assert!(matches!(Reader::open(&path), Err(Error::NotHdf5 { .. })));
+}
+
+/// Catches an archive whose texts a terminal obeys.
+#[test]
+fn texts_of_archives_are_no_commands() {
+    let (_here, path) = new_path();
+    let config = "# \u{1b}]0;title\u{7}\n";
+    let refusal = Writer::create(path, &plan(SampleFormat::I16), 0, config).unwrap_err();
+    assert!(refusal.to_string().ends_with(r#""config" holds the control character '\u{1b}'"#), "{refusal}");
+}
+
 /// Catches results that a power cut has left without content, and with which their archive cannot be judged again.
 #[test]
 fn results_without_content_are_computed_again() {

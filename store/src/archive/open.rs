@@ -1,11 +1,14 @@
 //! Opens an archive: first with plain reads, which no damaged file can mislead, then through the HDF5 library.
 
+use std::ffi::OsStr;
 use std::fs::TryLockError;
 use std::io::{ErrorKind, Read as _};
+use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::Path;
 use std::time::Duration;
 
 use hdf5::File;
+use rustix::fs::OFlags;
 use tapline_codec::Codec;
 
 use crate::archive::Archive;
@@ -45,6 +48,11 @@ pub(crate) enum Access {
 impl Archive {
     /// Opens the archive at `path` and checks that all its tables are there and fit each other.
     pub(crate) fn open(path: &Path, access: Access) -> Result<Self> {
+        Self::open_if(path, access, true)
+    }
+
+    /// As [`Archive::open`]; a file of results is refused unless it `may_be_results`.
+    fn open_if(path: &Path, access: Access, may_be_results: bool) -> Result<Self> {
         let is_finished = probe(path, access)?;
         let file = match access {
             Access::Read | Access::ReadUnfinished => files_to_read().open(path),
@@ -57,7 +65,7 @@ impl Archive {
         close_in_children(&file).context("keep the archive to this process", path)?;
         check_format(&file, path)?;
         let metadata = read_metadata(&file, path)?;
-        let raw = open_raw(&file, path)?;
+        let raw = open_raw(&file, path, may_be_results)?;
         let taps_file = raw.as_ref().map_or(&file, |raw| &raw.file);
         let calibration = serde_json::from_slice(&metadata.calibration)
             .map_err(|error| Error::damaged(path, format!("its calibration is invalid: {error}")))?;
@@ -108,21 +116,35 @@ impl Archive {
 
 /// Opens the archive of the taps, if `file` has only results, and checks that the taps have not changed since these were computed;
 /// else `None`.
-fn open_raw(file: &File, path: &Path) -> Result<Option<Archive>> {
+fn open_raw(file: &File, path: &Path, may_be_results: bool) -> Result<Option<Archive>> {
     if !file.attr_names().context("read the attributes", path)?.iter().any(|name| name == attribute::RAW) {
         return Ok(None);
     }
-    let name = read_text(file, attribute::RAW).context("read the name of the taps' archive", path)?;
-    let raw = Archive::open(&path.with_file_name(&name), Access::Read)?;
-    if raw.is_results() {
-        return Err(Error::damaged(path, "it names a file of results as the archive of its taps"));
+    // Before it is followed: a file that was renamed may name itself.
+    if !may_be_results {
+        return Err(Error::damaged(path, "it has only results, and is named as the archive of their taps"));
     }
+    let name = read_text(file, attribute::RAW).context("read the name of the taps' archive", path)?;
+    if !is_near(&name) {
+        let what = format!(
+            "it names {name:?} as the archive of its taps, which is neither in its folder nor in the one above"
+        );
+        return Err(Error::damaged(path, what));
+    }
+    let raw = Archive::open_if(&path.with_file_name(&name), Access::Read, false)?;
     let made_of = read_text(file, attribute::RAW_DIGEST).context("read the digest of the taps", path)?;
     let there = hex_of(&raw.raw_digest()?);
     match made_of == there {
         true => Ok(Some(raw)),
         false => Err(Error::OtherTaps { path: path.to_owned(), raw: raw.path, made_of, there }),
     }
+}
+
+/// Whether `name` is that of a file in the same folder, or in the one above: results may come from a stranger, and are to name no
+/// other.
+fn is_near(name: &str) -> bool {
+    let name = name.strip_prefix("../").unwrap_or(name);
+    Path::new(name).file_name() == Some(OsStr::new(name))
 }
 
 /// Checks with plain reads whether the file can be opened, for clear error messages; returns whether it is finished.
@@ -133,8 +155,13 @@ fn probe(path: &Path, access: Access) -> Result<bool> {
     let mut file = std::fs::OpenOptions::new()
         .read(true)
         .write(access == Access::Write)
+        // A pipe would be waited for.
+        .custom_flags(OFlags::NONBLOCK.bits().cast_signed())
         .open(path)
         .context("open the archive", path)?;
+    if !file.metadata().context("open the archive", path)?.is_file() {
+        return Err(Error::NotHdf5 { path: path.to_owned() });
+    }
     let try_lock = || match access {
         Access::Read | Access::ReadUnfinished => file.try_lock_shared(),
         Access::Write => file.try_lock(),
@@ -204,5 +231,26 @@ fn open_table<R: ChecksummedRow>(file: &File, path: &Path, row_count: usize, cap
 }
 
 fn text_of(text: Vec<u8>, name: &str, path: &Path) -> Result<String> {
-    String::from_utf8(text).map_err(|_error| Error::damaged(path, format!("{name:?} is not UTF-8")))
+    let text = String::from_utf8(text).map_err(|_error| Error::damaged(path, format!("{name:?} is not UTF-8")))?;
+    // A terminal would obey it; none of these texts has any.
+    match text.chars().find(|&c| c.is_control() && !['\n', '\r', '\t'].contains(&c)) {
+        Some(c) => Err(Error::damaged(path, format!("{name:?} holds the control character {c:?}"))),
+        None => Ok(text),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches results that have any file of the machine read as the archive of their taps.
+    #[test]
+    fn results_name_an_archive_nearby() {
+        for name in ["A-17.h5", "../A-17.h5", "..h5"] {
+            assert!(is_near(name), "{name}");
+        }
+        for name in ["", "..", "../..", "../../A.h5", "a/A.h5", "/A.h5", "..//dev/ptmx", "./A.h5", "A.h5/"] {
+            assert!(!is_near(name), "{name}");
+        }
+    }
 }

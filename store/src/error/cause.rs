@@ -31,22 +31,25 @@ impl Error {
     /// Whether the file system has failed or is read-only. It can be repaired only after every process has closed its files
     /// there.
     pub fn is_file_system_failure(&self) -> bool {
-        const FAILED: [Errno; 6] = [Errno::IO, Errno::ROFS, Errno::SHUTDOWN, Errno::UCLEAN, Errno::NODEV, Errno::NXIO];
-        match self {
-            Self::Io { source, .. } => FAILED.iter().any(|errno| source.raw_os_error() == Some(errno.raw_os_error())),
-            // HDF5 has the number only in its message.
-            Self::Hdf5 { source, .. } => {
-                let text = source.to_string();
-                FAILED.iter().any(|errno| text.contains(&format!("errno = {},", errno.raw_os_error())))
-            }
-            _ => false,
-        }
+        self.has_errno(&[Errno::IO, Errno::ROFS, Errno::SHUTDOWN, Errno::UCLEAN, Errno::NODEV, Errno::NXIO])
     }
 
     /// Whether part of a file cannot be read, because of a bad sector or a wrong length, while others may be readable.
     pub fn is_unreadable_part(&self) -> bool {
-        let Self::Io { source, .. } = self else { return false };
-        source.kind() == io::ErrorKind::UnexpectedEof || source.raw_os_error() == Some(Errno::IO.raw_os_error())
+        let is_short = |source: &io::Error| source.kind() == io::ErrorKind::UnexpectedEof;
+        matches!(self, Self::Io { source, .. } if is_short(source)) || self.has_errno(&[Errno::IO])
+    }
+
+    fn has_errno(&self, numbers: &[Errno]) -> bool {
+        match self {
+            Self::Io { source, .. } => numbers.iter().any(|errno| source.raw_os_error() == Some(errno.raw_os_error())),
+            // HDF5 has the number only in its message.
+            Self::Hdf5 { source, .. } => {
+                let text = source.to_string();
+                numbers.iter().any(|errno| text.contains(&format!("errno = {},", errno.raw_os_error())))
+            }
+            _ => false,
+        }
     }
 
     /// Whether the disk, or this user's quota on it, is full.

@@ -62,8 +62,12 @@ impl Places {
         let mut files = Vec::new();
         for entry in fs::read_dir(&folder).context("read", &folder)? {
             let path = entry.context("read", &folder)?.path();
-            if path.extension().is_some_and(|ending| ending == ENDING) {
-                files.push(path);
+            if path.extension().is_none_or(|ending| ending != ENDING) {
+                continue;
+            }
+            match path.is_file() {
+                true => files.push(path),
+                false => tracing::warn!("{} is no file, and is passed over", path.display()),
             }
         }
         files.sort();
@@ -144,8 +148,11 @@ pub(crate) fn stem_of(path: &Path) -> String {
 /// `name` for file names: bytes other than letters, digits, `-`, `_` and dots within it become `%` and two digits.
 pub(crate) fn escaped(name: &str) -> String {
     let mut text = utf8_percent_encode(name, ESCAPED).to_string();
-    if text.starts_with('.') {
-        text.replace_range(..1, "%2E");
+    // A hidden file, or an option of a command.
+    for (first, code) in [(".", "%2E"), ("-", "%2D")] {
+        if text.starts_with(first) {
+            text.replace_range(..1, code);
+        }
     }
     text.truncate(NAME_BYTES_MAX);
     text
@@ -168,7 +175,7 @@ mod tests {
     #[test]
     fn a_name_comes_back_from_its_file() {
         let places = Places::new("out", false);
-        for name in ["A-17", "Ä 5", "..", ".hidden", "a/b", "50%41", "x.y.z"] {
+        for name in ["A-17", "Ä 5", "..", ".hidden", "-rf", "a/b", "50%41", "x.y.z"] {
             let path = places.begin(name);
             assert_eq!(path.parent(), Some(Path::new("out/open")), "{name}");
             assert_eq!(name_of_open(&stem_of(&path)), name);

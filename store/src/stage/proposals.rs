@@ -19,7 +19,10 @@ impl StageLoop<'_> {
             match Writer::resume(&path, self.run.lineage()) {
                 Ok(writer) => self.open.push(OpenCasing::new(writer)),
                 Err(Error::Finished { .. }) => self.take_up_sealed(&path)?,
-                Err(error) if error.is_recoverable() => return Err(write_failure(error)),
+                // A bad sector does not go away; where the whole file system has failed, the file cannot be moved either.
+                Err(error) if error.is_recoverable() && !error.is_unreadable_part() => {
+                    return Err(write_failure(error));
+                }
                 Err(error) => {
                     let left = self.run.places.leave(&path)?;
                     tracing::error!("{error}; what exists of this casing is put aside as {}", left.display());

@@ -1,8 +1,10 @@
 //! How a writer continues an archive: the state in which earlier writers left it.
 
 use std::collections::BTreeMap;
+use std::fs::File;
 use std::path::Path;
 
+use tapline_codec::is_chunk_valid;
 use tapline_wire::{Ledger, ScanState, TapState};
 
 use crate::archive::ledger::tap_state;
@@ -13,6 +15,7 @@ use crate::format::checksum::ChecksummedRow as _;
 use crate::format::layout::{LedgerRow, ScanRow};
 use crate::format::lineage::Lineage;
 use crate::format::scan_rows::fingerprint;
+use crate::h5::extent::Extent;
 use crate::write::Writer;
 use crate::write::tap_state::{Track, Version};
 
@@ -51,8 +54,10 @@ pub(crate) fn load_resume_state(archive: &Archive) -> Result<ResumeState> {
     let mut samples = vec![Version { attempt: 0, fingerprint: 0 }; tap_count];
     let mut discriminators = samples.clone();
     let mut is_valid = vec![true; tap_count];
+    let mut checksums = vec![0; tap_count];
     let headers = archive.headers.for_each(|k, row| {
         is_valid[k] &= row.is_valid(k);
+        checksums[k] = row.stored_checksum;
         samples[k] = Version { attempt: row.attempt, fingerprint: row.fingerprint() };
     });
     headers.context(context, &archive.path)?;
@@ -61,6 +66,21 @@ pub(crate) fn load_resume_state(archive: &Archive) -> Result<ResumeState> {
         discriminators[k] = Version { attempt: row.attempt, fingerprint: row.checksum };
     });
     found.context(context, &archive.path)?;
+    // After a power cut, samples may be missing although their row is there.
+    if !archive.is_results() {
+        let file = File::open(&archive.path).context("open the samples", &archive.path)?;
+        let locations = archive.samples.locations(&file).context("find samples", &archive.path)?;
+        let ledger = archive.ledger.read_all().context(context, &archive.path)?;
+        let mut chunk = Vec::new();
+        for (k, location) in locations.into_iter().enumerate().take(tap_count) {
+            let is_archived = ledger.get(k).is_some_and(|row| row.state() == Some(TapState::Archived));
+            let mut is_intact = |location: Extent| {
+                let is_read = location.read(&file, &mut chunk).is_ok();
+                is_read && is_chunk_valid(archive.samples.codec(), &chunk, checksums[k])
+            };
+            is_valid[k] &= !is_archived || location.is_some_and(&mut is_intact);
+        }
+    }
     let states = States::load(archive, |k| !is_valid[k])?;
     // For only results, the samples are in another archive.
     let ledger_of_taps = match archive.is_results() {

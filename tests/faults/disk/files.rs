@@ -1,6 +1,7 @@
 //! A file under way that is removed, moved, truncated or replaced, and a disk that hangs.
 
 use std::fs::{self, File, OpenOptions};
+use std::os::unix::fs::symlink;
 use std::time::Duration;
 
 use rustix::process::Signal;
@@ -92,6 +93,20 @@ fn a_line_does_not_continue_a_cut_archive() {
         assert_eq!(finished(&sandbox.path("disk/run/left")).len(), 1);
         assert_whole(&sandbox, &expected);
     }
+}
+
+/// Catches a line that starts `store` for ever because a sector of a file under way cannot be read.
+#[test]
+fn a_line_does_not_continue_an_archive_that_cannot_be_read() {
+    let (sandbox, expected) = undisturbed();
+    let (line, path) = start_on_disk(&sandbox);
+    line.interrupt().expect(3);
+    // Its beginning cannot be read: the system says EIO, as of a bad sector.
+    fs::remove_file(&path).unwrap();
+    symlink("/proc/self/mem", &path).unwrap();
+    let done = sandbox.run("run --config paced.toml --out disk/run").expect(0);
+    assert!(done.err.contains("Input/output error") && done.err.contains("disk/run/left/SIM-0001."), "{done:#?}");
+    assert_whole(&sandbox, &expected);
 }
 
 /// Catches a line that loses taps, or reports nothing, while `store` hangs as on a disk that does not respond.
