@@ -83,7 +83,7 @@ pub use record::calibration::{Calibration, Certificate, ChannelCalibration, METH
 pub use record::damage::{DamageCell, Judgement, Verdict};
 pub use record::discriminators::{Direction, Discriminator, Discriminators, Feature, Values};
 pub use record::flags::{Quality, Reasons};
-pub use record::id::{Geometry, IdError, SERIAL_BYTES, Serial, TapId};
+pub use record::id::{Geometry, IdError, SERIAL_BYTES, Serial, TapId, is_unseen};
 pub use record::stamp::{OVER, RecordKind, Stamp, Stamped};
 pub use record::tap::{
     CACHE_LINE_BYTES, CHANNELS_MAX, CacheLine, Channel, ChannelHeader, SampleFormat, Samples, SourceKind, TapHeader,

@@ -2,7 +2,7 @@
 
 use std::io::{self, Read};
 
-use tapline_wire::Serial;
+use tapline_wire::{Serial, is_unseen};
 
 /// Version of the protocol.
 pub(crate) const VERSION: u32 = 1;
@@ -70,9 +70,9 @@ impl RigMessage {
     }
 }
 
-/// `text` without control characters, cut to the longest reason.
+/// `text` without control and format characters, cut to the longest reason.
 pub(crate) fn one_line(text: &str) -> String {
-    let mut line: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+    let mut line: String = text.chars().map(|c| if c.is_control() || is_unseen(c) { ' ' } else { c }).collect();
     line.truncate(line.floor_char_boundary(REASON_BYTES_MAX));
     line
 }

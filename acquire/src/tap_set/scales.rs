@@ -25,7 +25,9 @@ impl Scales {
     /// Those of the set in `dir`, with the `taps` that `taps_file` lists.
     pub(crate) fn read(dir: &Path, scan: &ScanToml, taps_file: &Path, taps: &[TapRow]) -> Result<Self, Error> {
         let path = dir.join(CALIBRATION_FILE);
-        let file = if path.exists() { CalibrationFile::read(&path)? } else { CalibrationFile::default() };
+        // A link that leads nowhere is one that should be there.
+        let is_there = path.symlink_metadata().is_ok();
+        let file = if is_there { CalibrationFile::read(&path)? } else { CalibrationFile::default() };
         let mut scales = Self { file, of_set: Vec::new(), units: Vec::new() };
         for &channel in &scan.channels {
             let certified = scales.file.of(channel).map(|scale| (scale.full_scale, scale.unit));

@@ -380,11 +380,17 @@ fn write_reason(set: &Path, reason: &str) -> io::Result<()> {
     writeln!(File::create_new(path)?, "{reason}")
 }
 
-/// Records that the casing `name` of the set in `dir` is done. A folder may come from a stranger, so no link is
-/// followed.
+/// How [`CLOSED`] is opened: a folder may come from a stranger, so no link is followed, and no pipe is waited for.
+fn file_flags() -> i32 {
+    (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits().cast_signed()
+}
+
+/// Records that the casing `name` of the set in `dir` is done.
 fn note_closed(dir: &Path, name: &str) -> io::Result<()> {
-    let no_link = OFlags::NOFOLLOW.bits().cast_signed();
-    let mut file = OpenOptions::new().append(true).create(true).custom_flags(no_link).open(dir.join(CLOSED))?;
+    let mut file = OpenOptions::new().append(true).create(true).custom_flags(file_flags()).open(dir.join(CLOSED))?;
+    if !file.metadata()?.is_file() {
+        return Err(io::Error::other("it is no file"));
+    }
     file.write_all(format!("{name}\n").as_bytes())
 }
 
@@ -392,8 +398,7 @@ fn note_closed(dir: &Path, name: &str) -> io::Result<()> {
 fn closed_casings(dir: &Path) -> BTreeSet<String> {
     /// Longest list that is read; a folder may come from a stranger.
     const LINES_MAX: usize = 1_000_000;
-    let no_link = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits().cast_signed();
-    let file = OpenOptions::new().read(true).custom_flags(no_link).open(dir.join(CLOSED));
+    let file = OpenOptions::new().read(true).custom_flags(file_flags()).open(dir.join(CLOSED));
     let Ok(file) =
         file.and_then(|file| if file.metadata()?.is_file() { Ok(file) } else { Err(io::ErrorKind::Other.into()) })
     else {

@@ -195,6 +195,18 @@ fn half_done_sets_are_found_again() {
     assert_eq!(names_in(&dir, "done/a").len(), 5, "nothing but the set");
 }
 
+/// Catches a station that waits for ever for a stranger's pipe in the place of its notes.
+#[test]
+fn a_pipe_holds_no_notes() {
+    let folder = tempfile::tempdir().unwrap();
+    let pipe = folder.path().join(CLOSED);
+    rustix::fs::mknodat(rustix::fs::CWD, &pipe, rustix::fs::FileType::Fifo, 0o600.into(), 0).unwrap();
+    assert!(note_closed(folder.path(), "A").is_err());
+    let _reader = OpenOptions::new().read(true).custom_flags(file_flags()).open(&pipe).unwrap();
+    assert!(note_closed(folder.path(), "A").is_err(), "somebody reads it");
+    assert!(closed_casings(folder.path()).is_empty());
+}
+
 /// Catches a line that ends because the folder vanishes, and a write through a stranger's link.
 #[test]
 fn a_folder_that_is_gone_is_waited_for() {

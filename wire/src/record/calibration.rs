@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::Channel;
 
 /// Longest text of a certificate in bytes.
-pub const METHOD_BYTES_MAX: usize = 160;
+pub const METHOD_BYTES_MAX: usize = 400;
 
 /// The unit of a channel's samples once they are scaled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]

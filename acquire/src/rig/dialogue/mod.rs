@@ -67,6 +67,8 @@ pub(crate) struct Dialogue {
     asked: Option<Instant>,
     /// Number of unexpected lines within this second, and when the second began.
     unexpected: (u32, Option<Instant>),
+    /// Number of casings and stops within this minute, and when the minute began; a new connection does not reset it.
+    changes: (u32, Option<Instant>),
     last_id: u64,
     last_unknown_name: String,
     /// Alarms, and casings that were skipped.

@@ -4,11 +4,14 @@ use std::time::{Duration, Instant};
 
 use tapline_wire::{RecordKind, Serial, now_ns};
 
-use super::{Command, Current, Dialogue, Hit, RigConfig, Step, Tap, stopped};
+use super::{Command, Current, Dialogue, Hit, PendingCommand, RigConfig, Step, Tap, stopped};
 use crate::rig::protocol::{RigMessage, UNKNOWN, VELOCITY_MAX_M_PER_S, VERSION, one_line};
 
 /// Most unexpected lines within a second.
 const UNEXPECTED_MAX: u32 = 100;
+
+/// Most casings and stops within a minute, over all connections: each becomes an archive or an alarm.
+const CHANGES_MAX: u32 = 120;
 
 impl Dialogue {
     /// Handles a line from the rig; returns whether something has changed for the station, or why to end the connection.
@@ -36,6 +39,7 @@ impl Dialogue {
             matches!(message, RigMessage::Homed | RigMessage::Ready | RigMessage::Hit(_) | RigMessage::Error(_));
         // An answer that was on its way when the rig stopped: its tap is made when the rig continues.
         if self.stopped.is_some() && is_of_motion {
+            self.count_unexpected(now)?;
             return Ok(false);
         }
         // The board has restarted.
@@ -44,9 +48,15 @@ impl Dialogue {
             return self.receive_hello(message, line);
         }
         self.last_end.heard();
-        let may_answer = is_of_motion || message == RigMessage::Pong;
-        if !may_answer || self.pending.is_none() {
+        let may_answer = |pending: &PendingCommand| match pending.command {
+            Command::Ping => message == RigMessage::Pong,
+            _ => is_of_motion,
+        };
+        if !self.pending.as_ref().is_some_and(may_answer) {
             self.count_unexpected(now)?;
+        }
+        if matches!(message, RigMessage::Casing(_) | RigMessage::Stopped(_)) {
+            self.count_change(now)?;
         }
         match message {
             RigMessage::Hello { .. } => Err("the rig has said hello twice".to_owned()),
@@ -226,6 +236,18 @@ impl Dialogue {
         *count += 1;
         if *count > UNEXPECTED_MAX {
             return Err(format!("the rig has sent more than {UNEXPECTED_MAX} unexpected lines within a second"));
+        }
+        Ok(())
+    }
+
+    fn count_change(&mut self, now: Instant) -> Result<(), String> {
+        let (count, since) = &mut self.changes;
+        if since.is_none_or(|since| now.duration_since(since) >= Duration::from_secs(60)) {
+            (*count, *since) = (0, Some(now));
+        }
+        *count += 1;
+        if *count > CHANGES_MAX {
+            return Err(format!("the rig has announced more than {CHANGES_MAX} casings and stops within a minute"));
         }
         Ok(())
     }

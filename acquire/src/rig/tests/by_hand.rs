@@ -127,6 +127,8 @@ fn rigs_that_send_garbage_are_cut_off() {
     let (listener, bench) = by_hand(30.0);
     let flood = "casing A\nremoved\n".repeat(100);
     let long = "x".repeat(1000);
+    let late = "ready\n".repeat(101);
+    let errors = "error x\n".repeat(101);
     for (says, want) in [
         ("good day\n", "the rig has said \"good day\", which is not in the protocol"),
         ("ready\n", "the rig has said \"ready\" before hello"),
@@ -134,6 +136,11 @@ fn rigs_that_send_garbage_are_cut_off() {
         ("hello rig 1\nready\n", "the rig has said \"ready\" unexpectedly"),
         ("hello rig 1\nhit 1e9\n", "the rig has said \"hit 1e9\", which is not in the protocol"),
         (&*format!("hello rig 1\n{flood}"), "the rig has sent more than 100 unexpected lines within a second"),
+        (
+            &*format!("hello rig 1\nstopped x\n{late}"),
+            "the rig has sent more than 100 unexpected lines within a second",
+        ),
+        (&*format!("hello rig 1\n{errors}"), "the rig has sent more than 100 unexpected lines within a second"),
         (&*long, "the rig has sent a line of more than 256 bytes"),
     ] {
         let mut rig = ByHand::accept(&listener);
@@ -146,6 +153,24 @@ fn rigs_that_send_garbage_are_cut_off() {
         }
         bench.until(|waits_for| waits_for.contains(want));
     }
+}
+
+/// Catches a rig whose reader flickers, and which fills the disk with casings, or the page with alarms.
+#[test]
+fn rigs_that_announce_too_much_are_cut_off() {
+    let (listener, bench) = by_hand(30.0);
+    for _ in 0..2 {
+        let mut rig = ByHand::accept(&listener);
+        rig.say("hello rig 1\n");
+        for number in 0..61 {
+            rig.say(&format!("casing A-{number}\n"));
+            // The second connection ends at the last one.
+            if rig.heard.read_line(&mut String::new()).is_ok_and(|count| count == 0) {
+                break;
+            }
+        }
+    }
+    bench.until(|waits_for| waits_for.contains("more than 120 casings and stops within a minute"));
 }
 
 #[test]
