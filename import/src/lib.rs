@@ -156,6 +156,17 @@ fn scales_of(all: &[(Channel, Series)], config: &Config, alike: &mut Alike) -> R
     Ok(scales)
 }
 
+/// The scales of a tap, of which its row of the table may say more than its file.
+fn scales_of_row(TapRow { extras, .. }: &TapRow, of_file: Scales) -> Scales {
+    let has_own = extras.sound_full_scale_v.or(extras.sound_full_scale_pa).is_some();
+    Scales {
+        force_full_scale_n: extras.force_full_scale_n.or(of_file.force_full_scale_n),
+        sound_full_scale_v: extras.sound_full_scale_v.or(of_file.sound_full_scale_v.filter(|_| !has_own)),
+        sound_full_scale_pa: extras.sound_full_scale_pa.or(of_file.sound_full_scale_pa.filter(|_| !has_own)),
+        microphone_distance_m: extras.microphone_distance_m.or(of_file.microphone_distance_m),
+    }
+}
+
 fn differs(one: f64, other: f64) -> bool {
     ((one - other) / other).abs() > RATE_ERROR
 }
@@ -204,13 +215,16 @@ struct Set<'a> {
     writer: TapSetWriter,
     alike: Alike,
     imported: Imported,
+    /// Units of the channels, once a tap could be read.
+    units: Option<Vec<(Channel, Unit)>>,
     tap_count: usize,
 }
 
 impl<'a> Set<'a> {
     fn begin(config: &'a Config, out: &Path) -> Result<Self> {
         let writer = TapSetWriter::begin(out)?;
-        Ok(Self { config, writer, alike: Alike::default(), imported: Imported::default(), tap_count: 0 })
+        let (alike, imported) = (Alike::default(), Imported::default());
+        Ok(Self { config, writer, alike, imported, units: None, tap_count: 0 })
     }
 
     fn recording(&self) -> Recording {
@@ -240,7 +254,12 @@ impl<'a> Set<'a> {
                 Some(reason) => Err(reason.clone()),
                 None => piece,
             };
-            let read = tap.and_then(|tap| Ok((self.planes(&tap).map_err(|fault| fault.to_string())?, tap.scales)));
+            let read = tap.and_then(|tap| {
+                let (planes, scales) =
+                    (self.planes(&tap).map_err(|fault| fault.to_string())?, scales_of_row(row, tap.scales));
+                self.check_units(&scales)?;
+                Ok((planes, scales))
+            });
             let read = read.map_err(|reason| {
                 let part = if record.part.is_empty() { String::new() } else { format!(" part {:?}", record.part) };
                 if row.extras.refused.is_some() { reason } else { format!("{}{part}: {reason}", record.file.display()) }
@@ -248,6 +267,22 @@ impl<'a> Set<'a> {
             self.write(row, read)?;
         }
         Ok(())
+    }
+
+    /// Refuses a tap whose channels have other units than those of the first one: an empty cell of the table means the scale of the set.
+    fn check_units(&mut self, scales: &Scales) -> Result<(), String> {
+        let units = || self.config.channels().map(|(channel, _)| (channel, scales.unit(channel)));
+        let before = self.units.get_or_insert_with(|| units().collect());
+        let shown = |unit: Unit| if unit.is_known() { unit.name() } else { "not known" };
+        match before.iter().zip(units()).find(|(before, now)| **before != *now) {
+            Some(((channel, before), (_, now))) => Err(format!(
+                "the unit of the {} is {}, and that of the taps before is {}: import them apart",
+                channel.name(),
+                shown(now),
+                shown(*before)
+            )),
+            None => Ok(()),
+        }
     }
 
     /// The samples of a tap in the format of the set.
@@ -288,14 +323,7 @@ impl<'a> Set<'a> {
         };
         let mut scales = Scales::default();
         let record = read.map(|(samples, of_tap)| {
-            // A table may say it of each tap.
-            let has_own = extras.sound_full_scale_v.or(extras.sound_full_scale_pa).is_some();
-            scales = Scales {
-                force_full_scale_n: extras.force_full_scale_n.or(of_tap.force_full_scale_n),
-                sound_full_scale_v: extras.sound_full_scale_v.or(of_tap.sound_full_scale_v.filter(|_| !has_own)),
-                sound_full_scale_pa: extras.sound_full_scale_pa.or(of_tap.sound_full_scale_pa.filter(|_| !has_own)),
-                microphone_distance_m: extras.microphone_distance_m.or(of_tap.microphone_distance_m),
-            };
+            scales = of_tap;
             (header, samples)
         });
         match &record {

@@ -428,6 +428,33 @@ fn matlab_7_3_names_units_as_earlier_versions_do() {
     }
 }
 
+/// Catches a tap whose unit is not known, and that gets the scale of the others.
+#[test]
+fn taps_of_other_units_are_refused() {
+    for (units, want) in [
+        (["N", "kg"], "the unit of the force is not known, and that of the taps before is N"),
+        (["kg", "N"], "the unit of the force is N, and that of the taps before is not known"),
+    ] {
+        let case = Case::new(GROUPS, &[]);
+        let files = ["A.h5", "B.h5"].map(|name| case.path(name));
+        files.iter().zip(units).for_each(|(file, unit)| fs::write(file, hdf5_bytes(Some(unit))).unwrap());
+        let done = import(&files, &case.path("import.toml"), &case.path("set"), |_, _| ()).unwrap();
+        assert_eq!((done.written, done.refused.len()), (1, 1), "{done:?}");
+        assert!(done.refused[0].contains("B.h5") && done.refused[0].contains(want), "{:?}", done.refused);
+    }
+}
+
+/// Catches a variable of MATLAB that vanishes without a word because a bit of its kind has changed.
+#[test]
+fn a_variable_of_an_unknown_kind_is_damage() {
+    let case = Case::new(ONE, &[]);
+    let mut bytes = mat5(&[("force", 6, 9, doubles(&[1.0, 2.0, 3.0, 4.0]))]);
+    bytes[128] ^= 2;
+    fs::write(case.path("0.mat"), bytes).unwrap();
+    let done = import(&[case.path("0.mat")], &case.path("import.toml"), &case.path("set"), |_, _| ());
+    assert!(done.unwrap_err().to_string().contains("a variable at byte 128 has the unknown kind 12"));
+}
+
 /// Catches one damaged file that stops the import of all others because its parts would name its taps.
 #[test]
 fn a_file_whose_parts_cannot_be_read_is_left_out() {

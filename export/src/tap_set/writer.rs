@@ -53,6 +53,16 @@ impl Scales {
         }
     }
 
+    /// Unit of the samples of `channel`.
+    pub fn unit(&self, channel: Channel) -> Unit {
+        match channel {
+            Channel::Force if self.force_full_scale_n.is_some() => Unit::Newton,
+            Channel::Sound if self.sound_full_scale_v.is_some() => Unit::Volt,
+            Channel::Sound if self.sound_full_scale_pa.is_some() => Unit::Pascal,
+            _ => Unit::FullScale,
+        }
+    }
+
     /// The cells of [`OWN_COLUMNS`]: empty where a tap has the values of the set.
     fn cells(&self, of_set: &Self) -> [String; 4] {
         let own = |value: Option<f64>, of: Option<f64>| {

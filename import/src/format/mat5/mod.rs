@@ -90,7 +90,11 @@ impl Mat5 {
                 let what = format!("a variable at byte {} has {bytes} bytes; {} follow", at - 8, file_bytes - at);
                 return broken(format!("is cut short: {what}"));
             }
-            if kind == MI_MATRIX || kind == MI_COMPRESSED {
+            let is_padding = kind == 0 && bytes == 0;
+            if kind != MI_MATRIX && kind != MI_COMPRESSED && !is_padding {
+                return broken(format!("a variable at byte {} has the unknown kind {kind}", at - 8));
+            }
+            if !is_padding {
                 let mut variable = Variable { name: String::new(), at, bytes, is_packed: kind == MI_COMPRESSED };
                 variable.name = mat.name_of(&variable)?;
                 mat.variables.push(variable);
