@@ -86,6 +86,10 @@ fn until(is_once: bool) -> Result<Until> {
 
 /// What is wrong with the archive at `path`; an error if this program cannot find that out, or not now.
 fn check(path: &Path) -> Result<Option<String>> {
+    // They are checked with the archive of their taps, which a stranger could name.
+    if tapline_store::has_results(path) {
+        return Ok(Some("it has only results".to_owned()));
+    }
     let report = match tapline_store::verify(path) {
         Ok(report) => report,
         Err(error @ (Error::Io { .. } | Error::InUse { .. } | Error::FormatVersion { .. })) => return Err(error.into()),

@@ -14,7 +14,7 @@ use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::time::timeout;
 
 use crate::file::CasingFile;
-use crate::jetstream::{JetStream, TAKEN_WITHIN};
+use crate::jetstream::{JetStream, TAKEN_WITHIN, Unreadable};
 use crate::receipt::{Fate, Receipt};
 use crate::server::Server;
 use crate::session::{self, Trouble, Until};
@@ -34,6 +34,9 @@ const INFORM_EVERY: Duration = Duration::from_secs(5);
 
 /// After how long a file that could not be written may be given to another collector.
 const OTHER_AFTER: Duration = Duration::from_secs(5);
+
+/// How many times longer that becomes with each failure, at most.
+const OFTEN: i64 = 12;
 
 /// A centre's folder, and where its files come from.
 #[derive(Debug, Clone)]
@@ -104,12 +107,16 @@ impl Collecting<'_> {
     async fn recover(&mut self, report: &mut impl FnMut(Collected)) -> Result<bool> {
         let mut is_clear = true;
         for file in self.folder.drafts()? {
-            let receipt = self
-                .jetstream
-                .receipt(&file)
-                .await?
-                .filter(|receipt| receipt.collector == self.folder.name && receipt.fate == Fate::Received);
-            match receipt {
+            let receipt = match self.jetstream.receipt(&file).await {
+                Err(error) if error.is::<Unreadable>() => {
+                    tracing::error!("{error:#}; its draft stays");
+                    is_clear = false;
+                    continue;
+                }
+                receipt => receipt?,
+            };
+            let is_ours = |receipt: &Receipt| receipt.collector == self.folder.name && receipt.fate == Fate::Received;
+            match receipt.filter(is_ours) {
                 Some(receipt) => {
                     if let Err(error) = self.place(file, receipt, report) {
                         tracing::error!("{error:#}");
@@ -145,7 +152,10 @@ impl Collecting<'_> {
             let message = next.context("the queue has ended")?.context("the queue returns no message")?;
             if let Err(error) = self.take(&message, report).await {
                 // Another collector, or this one again, gets the file. If the server does not hear it, the file's time runs out.
-                drop(message.ack_with(AckKind::Nak(Some(OTHER_AFTER))).await);
+                // What fails again and again comes less often, so that it keeps no others waiting.
+                let count = message.info().map_or(1, |info| info.delivered.clamp(1, OFTEN));
+                let after = OTHER_AFTER * u32::try_from(count).unwrap_or(1);
+                drop(message.ack_with(AckKind::Nak(Some(after))).await);
                 return Err(error);
             }
             message.double_ack().await.map_err(|error| anyhow!(error)).context("the server does not answer")?;
@@ -165,9 +175,19 @@ impl Collecting<'_> {
         };
         // It may have been taken since it was announced.
         let Some(info) = self.jetstream.info(&file).await? else { return Ok(()) };
-        if self.jetstream.receipt(&file).await?.is_some() {
-            return self.jetstream.remove(&file).await;
+        match self.jetstream.receipt(&file).await {
+            // Whoever has given it has settled the file.
+            Err(error) if error.is::<Unreadable>() => {
+                tracing::error!("{error:#}; the file is not taken");
+                return self.jetstream.remove(&file).await;
+            }
+            Ok(None) => {}
+            receipt => {
+                receipt?;
+                return self.jetstream.remove(&file).await;
+            }
         }
+        self.folder.ensure_room(info.size as u64)?;
         let digest = info.digest.with_context(|| format!("the server returns no digest of {file}"))?;
         match digest_of(&self.folder.place(&file))? {
             Some((there, bytes)) if there == digest => {

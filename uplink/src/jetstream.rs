@@ -4,6 +4,7 @@
 //! The queue has one message for each file that waits: a second is refused until the first was acknowledged. So a file can be
 //! announced again at any time, and nothing relies on the server's memory of what it has seen (`Nats-Msg-Id` within a window).
 
+use std::fmt;
 use std::path::Path;
 use std::time::Duration;
 
@@ -166,19 +167,30 @@ impl JetStream {
         Ok(Some(info.size as u64))
     }
 
-    /// The receipt of `file`; `None` if no centre has said anything of it yet.
+    /// The receipt of `file`; `None` if no centre has said anything of it yet. The error is an [`Unreadable`] if it concerns this file
+    /// alone.
     pub(crate) async fn receipt(&self, file: &CasingFile) -> Result<Option<Receipt>> {
         let entry = self.receipts.get(file.key()).await;
         let entry = entry.with_context(|| format!("the server does not say what became of {file}"))?;
-        let read = |bytes: &[u8]| {
-            serde_json::from_slice(bytes).with_context(|| format!("the receipt of {file} cannot be read"))
-        };
+        let read = |bytes: &[u8]| serde_json::from_slice(bytes).context(Unreadable { file: file.to_string() });
         entry.as_deref().map(read).transpose()
     }
 
     /// Removes the receipt of `file`, so that a centre takes it again.
     pub(crate) async fn forget(&self, file: &CasingFile) -> Result<()> {
         self.receipts.purge(file.key()).await.with_context(|| format!("cannot remove the receipt of {file}"))
+    }
+}
+
+/// A receipt that this program cannot read: a newer one has given it, or a stranger.
+#[derive(Debug)]
+pub(crate) struct Unreadable {
+    file: String,
+}
+
+impl fmt::Display for Unreadable {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "the receipt of {} cannot be read", self.file)
     }
 }
 

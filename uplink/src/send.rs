@@ -10,7 +10,7 @@ use anyhow::Result;
 use futures_util::{StreamExt as _, TryStreamExt as _, stream};
 
 use crate::file::{CasingFile, Site};
-use crate::jetstream::JetStream;
+use crate::jetstream::{JetStream, Unreadable};
 use crate::receipt::{Fate, Receipt};
 use crate::server::Server;
 use crate::session::{self, Trouble, Until};
@@ -204,13 +204,18 @@ impl Sending<'_> {
             }
         }
         let ask = |(path, file): (PathBuf, CasingFile)| async move {
-            let receipt = carrier.receipt(&file).await?;
+            let receipt = match carrier.receipt(&file).await {
+                // That concerns this file alone.
+                Err(error) if error.is::<Unreadable>() => Err(error),
+                receipt => Ok(receipt?),
+            };
             anyhow::Ok((path, file, receipt))
         };
         let mut answers = stream::iter(asked).map(ask).buffered(ASKED_AT_ONCE);
         while let Some((path, file, receipt)) = answers.try_next().await? {
             match receipt {
-                Some(receipt) => {
+                Err(error) => drop(self.files.insert(path, unreadable(&error))),
+                Ok(Some(receipt)) => {
                     let is_same = self.is_of(&path, &receipt);
                     // What was refused may be another file by now, such as one that was damaged then.
                     if matches!(receipt.fate, Fate::Refused(_)) && (self.again || !is_same) {
@@ -220,8 +225,8 @@ impl Sending<'_> {
                         self.settle(path, file, receipt, is_same, report);
                     }
                 }
-                None if matches!(self.files.get(&path), Some(State::Waits { .. })) => {}
-                None => drop(self.files.insert(path, State::Unsent)),
+                Ok(None) if matches!(self.files.get(&path), Some(State::Waits { .. })) => {}
+                Ok(None) => drop(self.files.insert(path, State::Unsent)),
             }
         }
         Ok(())

@@ -4,7 +4,7 @@ use std::fs::{self, File, TryLockError};
 use std::io::{Read as _, Write as _};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Context as _, Result, bail, ensure};
 use base64::Engine as _;
 use base64::engine::general_purpose::URL_SAFE;
 use rustix::fs::{CWD, RenameFlags};
@@ -70,6 +70,19 @@ impl Folder {
             .and_then(|draft| draft.sync_all())
             .with_context(|| format!("cannot write {}", draft.display()))?;
         sync_folders(&draft, &self.path)
+    }
+
+    /// Refuses `bytes` for which the disk has no room: a twentieth of it stays free for what else is written there.
+    pub(crate) fn ensure_room(&self, bytes: u64) -> Result<()> {
+        let context = || format!("cannot find out how much room {} has", self.path.display());
+        let disk = rustix::fs::statvfs(&self.path).with_context(context)?;
+        let (free, kept) = (disk.f_bavail * disk.f_frsize, disk.f_blocks * disk.f_frsize / 20);
+        ensure!(
+            bytes.saturating_add(kept) <= free,
+            "no room for {bytes} bytes: the disk of {} has {free} free, and {kept} of them stay free",
+            self.path.display()
+        );
+        Ok(())
     }
 
     /// Starts the draft of `file`.
