@@ -71,10 +71,15 @@ impl Access {
         Some(match given {
             Some(given) => self.login(&Login { token: given }).await,
             None if path == "/" && request.method == Method::GET => see("/login").into_response(),
-            None => refuse(
-                StatusCode::UNAUTHORIZED,
-                "a token is needed: log in at /login, or send the header Authorization: Bearer TOKEN".to_owned(),
-            ),
+            None => {
+                if request.headers.contains_key(AUTHORIZATION) {
+                    tokio::time::sleep(GUESS).await;
+                }
+                refuse(
+                    StatusCode::UNAUTHORIZED,
+                    "a token is needed: log in at /login, or send the header Authorization: Bearer TOKEN".to_owned(),
+                )
+            }
         })
     }
 

@@ -6,14 +6,14 @@
 
 use std::collections::BTreeMap;
 use std::future::{Ready, ready};
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use anyhow::{Context as _, Result};
 use tapline_host::connection::{end_if_gone, listen};
+use tapline_wire::now_ns;
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio_modbus::server::Service;
 use tokio_modbus::server::tcp::Server;
 use tokio_modbus::{ExceptionCode, Request, Response};
@@ -24,8 +24,9 @@ use crate::wires::now::StationState;
 use crate::wires::outbox::Receiver;
 use crate::wires::wire::{News, Plant, Wire};
 
-/// Most connections at once.
+/// Most connections at once, and most of one machine: a display that loses its connections keeps no controller out.
 const CONNECTIONS_MAX: usize = 32;
+const OF_ONE_MAX: usize = 8;
 
 /// Time until the next attempt after a connection could not be accepted.
 const ACCEPT_AGAIN_AFTER: Duration = Duration::from_millis(200);
@@ -71,7 +72,10 @@ pub(super) fn start(config: &ModbusConfig, plant: &Plant) -> Result<(Wire, Socke
     let context = || format!("line.modbus.listen = \"{}\": cannot listen there", config.listen);
     let listener = listen(config.listen).with_context(context)?;
     let address = listener.local_addr().with_context(context)?;
-    let mailboxes = plant.stations.iter().map(|&station| (station, Mailbox::default())).collect();
+    // Not the numbers of the last start: a controller may send again what it acknowledged then.
+    let last_number = u16::try_from(now_ns() / 1_000_000_000 % 0xffff).unwrap_or(0);
+    let mailbox = || Mailbox { last_number, ..Mailbox::default() };
+    let mailboxes = plant.stations.iter().map(|&station| (station, mailbox())).collect();
     let registers = Registers { plant: plant.clone(), mailboxes: Mutex::new(mailboxes) };
     let wire = Wire::start(Receiver::Modbus, plant, || Ok(move |news| serve(listener, Arc::new(registers), news)))?;
     Ok((wire, address))
@@ -79,11 +83,10 @@ pub(super) fn start(config: &ModbusConfig, plant: &Plant) -> Result<(Wire, Socke
 
 async fn serve(listener: std::net::TcpListener, registers: Arc<Registers>, mut news: News) -> Result<()> {
     let server = Server::new(TcpListener::from_std(listener)?);
-    let places = Arc::new(Semaphore::new(CONNECTIONS_MAX));
-    let client = |stream: TcpStream, _| {
+    let places = Arc::new(Places::default());
+    let client = |stream: TcpStream, from: SocketAddr| {
         end_if_gone(&stream, GONE_AFTER);
-        let place = Arc::clone(&places).try_acquire_owned().ok();
-        let client = place.map(|place| Client { registers: Arc::clone(&registers), _place: place });
+        let client = places.take(from.ip()).map(|place| Client { registers: Arc::clone(&registers), _place: place });
         ready(Ok(client.map(|client| (client, stream))))
     };
     let accept = async {
@@ -109,10 +112,48 @@ async fn serve(listener: std::net::TcpListener, registers: Arc<Registers>, mut n
     Ok(())
 }
 
+/// How many connections each machine has.
+#[derive(Debug, Default)]
+struct Places(Mutex<BTreeMap<IpAddr, usize>>);
+
+/// The place of a connection, until it ends.
+#[derive(Debug)]
+struct Place {
+    places: Arc<Places>,
+    of: IpAddr,
+}
+
+impl Places {
+    fn counts(&self) -> MutexGuard<'_, BTreeMap<IpAddr, usize>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A place for a connection of the machine `of`; `None` if there is none.
+    fn take(self: &Arc<Self>, of: IpAddr) -> Option<Place> {
+        let mut counts = self.counts();
+        let is_full = counts.values().sum::<usize>() >= CONNECTIONS_MAX;
+        if is_full || counts.get(&of).is_some_and(|&count| count >= OF_ONE_MAX) {
+            return None;
+        }
+        *counts.entry(of).or_default() += 1;
+        Some(Place { places: Arc::clone(self), of })
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        let mut counts = self.places.counts();
+        if let Some(count) = counts.get_mut(&self.of) {
+            *count -= 1;
+        }
+        counts.retain(|_, count| *count > 0);
+    }
+}
+
 /// A connection.
 struct Client {
     registers: Arc<Registers>,
-    _place: OwnedSemaphorePermit,
+    _place: Place,
 }
 
 impl Service for Client {
@@ -245,5 +286,25 @@ impl Waiting {
 fn fill_number(registers: &mut [u16], number: u64) {
     for (register, pair) in registers.iter_mut().zip(number.to_be_bytes().as_chunks().0) {
         *register = u16::from_be_bytes(*pair);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::iter::from_fn;
+
+    use super::*;
+
+    /// Catches a machine that takes all places and keeps the controllers out, and places that are lost when their connections end.
+    #[test]
+    fn one_machine_does_not_take_all_places() {
+        let places = Arc::new(Places::default());
+        let take_all = |last: u8| from_fn(|| places.take([10, 0, 0, last].into())).collect::<Vec<Place>>();
+        let of_one = take_all(1);
+        assert_eq!(of_one.len(), OF_ONE_MAX);
+        let others: Vec<_> = (2..20).map(take_all).collect();
+        assert_eq!(others.iter().map(Vec::len).sum::<usize>(), CONNECTIONS_MAX - OF_ONE_MAX);
+        drop(of_one);
+        assert_eq!(take_all(1).len(), OF_ONE_MAX);
     }
 }

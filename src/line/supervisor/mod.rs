@@ -374,8 +374,15 @@ impl<'a> Supervisor<'a> {
             }
             return;
         }
-        self.shown.alarms.retain(|alarm| alarm.text != text);
-        self.shown.alarms.truncate(SHOWN_MAX - 1);
+        let alarms = &mut self.shown.alarms;
+        alarms.retain(|alarm| alarm.text != text);
+        // One that is over goes first: a rig that stops again and again pushes out no alarm that stands.
+        if alarms.len() >= SHOWN_MAX
+            && let Some(over) = alarms.iter().rposition(|alarm| alarm.text.starts_with(OVER))
+        {
+            alarms.remove(over);
+        }
+        alarms.truncate(SHOWN_MAX - 1);
         self.shown.alarms.insert(0, Alarm { at_ns: now_ns(), text });
         self.is_news = true;
     }

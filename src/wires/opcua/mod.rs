@@ -10,11 +10,12 @@ mod names;
 mod nodes;
 mod result;
 
-use std::fs::DirBuilder;
+use std::fs::{self, DirBuilder, Permissions};
 use std::net::SocketAddr;
-use std::os::unix::fs::DirBuilderExt as _;
-use std::path::Path;
+use std::os::unix::fs::{DirBuilderExt as _, PermissionsExt as _};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::SystemTime;
 
 use anyhow::{Context as _, Result, anyhow};
 use jiff::Timestamp;
@@ -45,6 +46,11 @@ const HELLO_WITHIN_S: u32 = 5;
 /// The line's certificate and its key, in the folder of certificates.
 const CERTIFICATE: &str = "own/cert.der";
 const KEY: &str = "private/private.pem";
+
+/// Where the server keeps certificates of refused clients, in the folder of certificates, and most of them: anyone who reaches the port
+/// can send one.
+const REJECTED: &str = "rejected";
+const REJECTED_MAX: usize = 50;
 
 /// How long before its end the line warns of it, in seconds. Clients are still served, so it is no trouble.
 const ENDS_SOON_S: i64 = 30 * 86_400;
@@ -79,10 +85,11 @@ pub(super) fn start(config: &OpcUaConfig, plant: &Plant) -> Result<(Wire, String
     let builder = builder(address, config.pki_folder.as_deref(), user, scratch.path())?;
     let wire = Wire::start(Receiver::OpcUa, plant, || {
         let (prepared, plant) = (prepare(builder, plant)?, plant.clone());
-        let end_s = config.pki_folder.as_deref().map(certificate_end_s).transpose()?;
+        let pki = config.pki_folder.as_ref().map(|pki| anyhow::Ok((pki.clone(), certificate_end_s(pki)?)));
+        let pki = pki.transpose()?;
         Ok(move |news| async move {
             let _until_the_end = scratch;
-            serve(listener, prepared, end_s, plant, news).await
+            serve(listener, prepared, pki, plant, news).await
         })
     })?;
     Ok((wire, format!("opc.tcp://{address}")))
@@ -113,7 +120,9 @@ fn builder(address: SocketAddr, pki: Option<&Path>, user: Option<User>, scratch:
     let endpoint = match pki {
         Some(folder) => {
             // Only its user may read the key.
-            let made = DirBuilder::new().recursive(true).mode(0o700).create(folder.join("private"));
+            let private = folder.join("private");
+            let made = DirBuilder::new().recursive(true).mode(0o700).create(&private);
+            let made = made.and_then(|()| fs::set_permissions(&private, Permissions::from_mode(0o700)));
             made.with_context(|| format!("line.opcua.pki_folder = \"{}\": cannot make it", folder.display()))?;
             builder = builder.pki_dir(folder).create_sample_keypair(true);
             builder = builder.certificate_path(CERTIFICATE).private_key_path(KEY);
@@ -133,6 +142,20 @@ fn certificate_end_s(folder: &Path) -> Result<i64> {
     let context = || format!("line.opcua.pki_folder: {} is no certificate", path.display());
     let certificate = CertificateStore::read_cert(&path).map_err(|error| anyhow!(error)).with_context(context)?;
     Ok(certificate.not_after().with_context(context)?.timestamp())
+}
+
+/// Removes all but the last [`REJECTED_MAX`] certificates of refused clients in `folder`.
+fn forget_rejected(folder: &Path) {
+    let there = fs::read_dir(folder.join(REJECTED)).into_iter().flatten().flatten();
+    let mut all: Vec<(SystemTime, PathBuf)> =
+        there.filter_map(|entry| Some((entry.metadata().ok()?.modified().ok()?, entry.path()))).collect();
+    all.sort_unstable();
+    let old = all.len().saturating_sub(REJECTED_MAX);
+    for (_, path) in &all[..old] {
+        if let Err(error) = fs::remove_file(path) {
+            tracing::warn!("cannot remove the certificate of a refused client, {}: {error}", path.display());
+        }
+    }
 }
 
 /// The warning, at `now_s`, of a certificate that ends at `end_s`; `None` if that is far off.
@@ -197,7 +220,7 @@ fn show(line: &SimpleNodeManager, namespaces: Namespaces, plant: &Plant, station
 async fn serve(
     listener: std::net::TcpListener,
     prepared: Prepared,
-    certificate_end_s: Option<i64>,
+    pki: Option<(PathBuf, i64)>,
     plant: Plant,
     mut news: News,
 ) -> Result<()> {
@@ -209,11 +232,14 @@ async fn serve(
     let publish = async {
         let (mut count, mut has_warned) = (plant.outbox.count(), false);
         while news.next().await {
-            let warning = certificate_end_s.and_then(|end_s| certificate_warning(end_s, now_ns() / 1_000_000_000));
-            if let Some(warning) = warning.filter(|_| !has_warned) {
-                has_warned = true;
-                tracing::warn!("{warning}");
-                plant.outbox.alarm(warning);
+            if let Some((folder, end_s)) = &pki {
+                forget_rejected(folder);
+                let warning = certificate_warning(*end_s, now_ns() / 1_000_000_000);
+                if let Some(warning) = warning.filter(|_| !has_warned) {
+                    has_warned = true;
+                    tracing::warn!("{warning}");
+                    plant.outbox.alarm(warning);
+                }
             }
             for (number, note) in plant.outbox.newer(Receiver::OpcUa, count) {
                 count = number;
@@ -261,5 +287,22 @@ mod tests {
         assert!(certificate_warning(end_s, end_s + 1).is_some());
         let refused = certificate_end_s(Path::new("nowhere")).unwrap_err().to_string();
         assert!(refused.contains("nowhere/own/cert.der is no certificate"), "{refused}");
+    }
+
+    /// Catches refused clients that fill the disk, and the certificate of the newest, which may be the plant's own, that goes first.
+    #[test]
+    fn certificates_of_refused_clients_do_not_pile_up() {
+        let folder = tempfile::tempdir().unwrap();
+        let rejected = folder.path().join(REJECTED);
+        fs::create_dir(&rejected).unwrap();
+        for number in 0..REJECTED_MAX + 5 {
+            let file = fs::File::create(rejected.join(format!("{}.der", 99 - number))).unwrap();
+            file.set_modified(SystemTime::UNIX_EPOCH + std::time::Duration::from_secs(number as u64)).unwrap();
+        }
+        forget_rejected(folder.path());
+        let there = fs::read_dir(&rejected).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        let there: std::collections::BTreeSet<String> = there.collect();
+        assert_eq!(there.len(), REJECTED_MAX);
+        assert!(!there.contains("99.der") && there.contains("45.der"), "{there:?}");
     }
 }

@@ -42,7 +42,7 @@ def main():
     for refused in [
         client.read_holding_registers(arguments.stations * BLOCK, count=1),
         client.write_register(4, 1),
-        client.write_register(ACKNOWLEDGE, 60000),
+        client.write_register(ACKNOWLEDGE, 0),
         client.read_coils(0, count=1),
     ]:
         assert refused.isError(), refused
