@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
+use jiff::civil::Date;
 use tapline_wire::Channel;
 
 use crate::cli::one_of;
@@ -16,7 +17,7 @@ pub(crate) enum CalibrateVerb {
         #[arg(long, value_delimiter = ',', required = true, allow_negative_numbers = true)]
         known_n: Vec<f64>,
         /// Number of blows, if one peak is given for all.
-        #[arg(long, default_value_t = 5)]
+        #[arg(long, default_value_t = 10)]
         count: usize,
         #[command(flatten)]
         heard: HeardArgs,
@@ -53,6 +54,9 @@ pub(crate) enum CalibrateVerb {
         /// Gain between sensor and input.
         #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
         gain: f64,
+        /// Day of the data sheet or of the sensor's calibration, as 2026-11-24; today if left out.
+        #[arg(long)]
+        date: Option<Date>,
         #[command(flatten)]
         written: WrittenArgs,
     },
@@ -81,6 +85,9 @@ pub(crate) struct WrittenArgs {
     /// For how many days it is valid.
     #[arg(long, default_value_t = 365, allow_negative_numbers = true)]
     pub valid_days: u16,
+    /// What else an audit asks for, as serial numbers of sensor and standard, certificates, and who has done it.
+    #[arg(long)]
+    pub note: Option<String>,
     /// Replace this channel's calibration in the file.
     #[arg(long)]
     pub force: bool,

@@ -6,7 +6,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 use tapline_wire::{Discriminator, Reasons};
 
-use crate::shown::whole::{SOUND_GAIN, Whole};
+use crate::shown::whole::{FORCE_GAIN, SOUND_GAIN, Whole};
 
 /// How many of a station's last casings are examined.
 const LAST: usize = 8;
@@ -26,8 +26,9 @@ const INCOMPLETE: Reasons = Reasons::NOT_ENDED.union(Reasons::TAPS_REFUSED).unio
 /// Nor do casings with damage: if part of the ring is cracked, that alone changes its level and its scatter.
 const CRACKED: Reasons = Reasons::DAMAGE;
 
-/// How far the level of A_1 must be from the reference's to be a sign: 2 dB.
-const GAIN: f64 = 1.25;
+/// How far a level must be from the reference's to be a sign. That of the sound: 2 dB. Sound casings differ less in the force.
+const GAINS: [(&str, Discriminator, f64); 2] =
+    [(SOUND_GAIN, Discriminator::A1, 1.25), (FORCE_GAIN, Discriminator::FMax, 1.1)];
 
 /// What the signs ask people to do.
 pub(crate) const ASKS: &str =
@@ -36,7 +37,7 @@ pub(crate) const ASKS: &str =
 /// Something that the casings of a station have in common.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Sign {
-    /// A reason of verdicts, or [`SOUND_GAIN`].
+    /// A reason of verdicts, or one of [`GAINS`].
     pub name: String,
     /// How many casings have it.
     pub count: usize,
@@ -130,14 +131,16 @@ impl Rigs {
     }
 }
 
-/// The signs in a casing with these shoulders: reasons that half of them have, and the gain of the sound.
+/// The signs in a casing with these shoulders: reasons that half of them have, and the gains.
 fn signs(shoulders: &[Reasons], whole: &Whole) -> Vec<&'static str> {
     let is_of_casing =
         |reason: Reasons| 2 * shoulders.iter().filter(|of| of.contains(reason)).count() >= shoulders.len();
     let named = Reasons::ALL.iter().filter(|(reason, _)| REASONS.contains(reason) && is_of_casing(*reason));
-    let is_gain_off = |times: &f64| !(1.0 / GAIN..=GAIN).contains(times);
-    let gain = whole.level.get(Discriminator::A1.name()).filter(|times| is_gain_off(times)).map(|_| SOUND_GAIN);
-    named.map(|&(_, name)| name).chain(gain).collect()
+    let is_off = |&&(_, which, most): &&(&str, Discriminator, f64)| {
+        whole.level.get(which.name()).is_some_and(|times| !(1.0 / most..=most).contains(times))
+    };
+    let gains = GAINS.iter().filter(is_off).map(|&(name, ..)| name);
+    named.map(|&(_, name)| name).chain(gains).collect()
 }
 
 impl RigWatch {

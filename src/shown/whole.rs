@@ -9,6 +9,10 @@ use tapline_wire::{Discriminator, Judgement, Quality, Reasons};
 /// The sign of a microphone that hears everything louder or quieter than before. Verdicts ignore it: gain is no damage.
 pub(crate) const SOUND_GAIN: &str = "sound_gain";
 
+/// The sign of a sensor that feels every blow as harder or softer than before, by a reference whose casings are too few to show what
+/// levels they have.
+pub(crate) const FORCE_GAIN: &str = "force_gain";
+
 /// Flags, scatter and level of a shoulder, by name.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Whole {
@@ -55,6 +59,7 @@ impl Whole {
             "scatter_off" => scatter(&self.scatter),
             "level_off" => level(&self.level, &[Discriminator::FMax, Discriminator::Tau, Discriminator::Pr]),
             SOUND_GAIN => level(&self.level, &[Discriminator::A1]),
+            FORCE_GAIN => level(&self.level, &[Discriminator::FMax]),
             _ => None,
         }
     }

@@ -12,7 +12,7 @@ use tapline_host::similar::did_you_mean;
 use tapline_host::stdout::Stdout;
 use tapline_host::table::{break_between_words, table};
 use tapline_store::{Reader, hex_of, lineage_changes};
-use tapline_wire::{Discriminator, Scan, TapState};
+use tapline_wire::{Calibration, Certificate, Channel, Discriminator, Scan, TapState};
 
 use crate::archives::work::Work;
 use crate::archives::{Archives, Which};
@@ -79,6 +79,8 @@ struct Explanation {
     plan_digest: String,
     /// Digest of the reference file; absent where the reference is in none, or in one that this program cannot read.
     reference_digest: Option<String>,
+    /// What the samples are worth, and where that comes from.
+    calibration: Calibration,
     /// Parts of the program whose sources are not those of this one.
     other_sources: Vec<String>,
     options: Vec<OtherOption>,
@@ -148,6 +150,7 @@ impl Explanation {
             reference_digest: reader
                 .reference()
                 .and_then(|text| Some(ReferenceSet::parse(text).ok()?.digest().to_owned())),
+            calibration: reader.plan().recording.calibration.clone(),
             other_sources: sources.into_iter().map(|(key, ..)| key.trim_start_matches("sources.").to_owned()).collect(),
             options: options.into_iter().map(option).collect(),
             shoulder: shoulder.map(|name| ShoulderExplanation::of(reader, name, location)).transpose()?,
@@ -256,6 +259,16 @@ impl fmt::Display for Explanation {
                     "reference  {named}{}",
                     if named == "a file" { " that cannot be read" } else { ", not from a file" }
                 )?;
+            }
+        }
+        for channel in Channel::BOTH {
+            let unit = self.calibration.unit(channel).name();
+            match &self.calibration.of(channel).certificate {
+                None => writeln!(f, "{:<10} in {unit}, not calibrated", channel.name())?,
+                Some(Certificate { method, date, valid_until, .. }) => {
+                    let until = valid_until.as_ref().map_or_else(String::new, |until| format!(", valid until {until}"));
+                    writeln!(f, "{:<10} in {unit}: {method}, {date}{until}", channel.name())?;
+                }
             }
         }
         match self.other_sources.is_empty() {

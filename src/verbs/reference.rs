@@ -13,7 +13,7 @@ use tapline_host::similar::did_you_mean;
 use tapline_host::stdout::Stdout;
 use tapline_host::table::table;
 use tapline_store::Reader;
-use tapline_wire::{Discriminator, Discriminators, Verdict};
+use tapline_wire::{Discriminator, Discriminators, Reasons, Verdict};
 
 use crate::archives::Archives;
 use crate::archives::work::Work;
@@ -35,7 +35,8 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     for file in &archives.files {
         let Some(reader) = work.take(file, Reader::open(&file.path))? else { continue };
         let Some(records) = work.take(file, reader.discriminators())? else { continue };
-        let config = Config::parse(reader.config()).context("its configuration is not one of this program");
+        let foreign = || format!("{}: its configuration is not one of this program", file.path.display());
+        let config = Config::parse(reader.config()).with_context(foreign);
         let Some(config) = work.take(file, config)? else { continue };
         let records: Vec<_> = records.into_iter().flatten().collect();
         taken.add(&file.path, &reader, &config, &records)?;
@@ -62,6 +63,8 @@ struct Taken<'a> {
     shoulders: Vec<KnownShoulder>,
     /// The archives that they are from, each with the name of its casing.
     lineage: Vec<(String, Origin)>,
+    /// Casings whose newtons are not certain.
+    uncalibrated: BTreeSet<String>,
     /// What the reference is made with, and the first archive, which decides that.
     built: Option<(Built, &'a Path)>,
 }
@@ -74,6 +77,7 @@ impl<'a> Taken<'a> {
             there: BTreeSet::new(),
             shoulders: Vec::new(),
             lineage: Vec::new(),
+            uncalibrated: BTreeSet::new(),
             built: None,
         }
     }
@@ -109,6 +113,10 @@ impl<'a> Taken<'a> {
             plan_digest: format!("{:016x}", reader.plan().digest()),
             config: reader.config().to_owned(),
         };
+        let doubts = Reasons::NOT_CALIBRATED | Reasons::CALIBRATION_OUT_OF_DATE;
+        if reader.judgements()?.iter().flatten().any(|(judgement, _)| judgement.reasons.intersects(doubts)) {
+            self.uncalibrated.insert(casing.clone());
+        }
         self.lineage.push((casing, origin));
         self.shoulders.extend(shoulders);
         Ok(())
@@ -216,9 +224,18 @@ impl<'a> Taken<'a> {
                 say(&format!("{casing} stands out from the other casings and may be cracked: {what}"));
             }
             if is_stated || standing_out.is_empty() {
+                if !self.uncalibrated.is_empty() {
+                    let casings = counted(self.uncalibrated.len(), "casing has", "casings have");
+                    let names: Vec<&str> = self.uncalibrated.iter().map(String::as_str).collect();
+                    say(&format!(
+                        "{casings} no calibration that was valid when it was tapped: whether a sensor has changed since does not show ({})",
+                        names.join(", ")
+                    ));
+                }
                 return Ok(set);
             }
             self.shoulders.retain(|shoulder| !standing_out.contains(&shoulder.tyre));
+            self.uncalibrated.retain(|casing| !standing_out.contains(casing));
             self.lineage.retain(|(casing, _)| !standing_out.contains(casing));
         }
     }

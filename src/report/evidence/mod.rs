@@ -30,6 +30,8 @@ pub(crate) struct Evidence {
     pub source_digest: u64,
     /// Version of the program that made the archive.
     pub written_by: Option<String>,
+    /// The key of its lineage, which `explain` spells out.
+    pub lineage_key: String,
     /// The text of the configuration.
     pub config_toml: String,
     /// The same, parsed; the defaults if this program cannot parse it.
@@ -164,6 +166,7 @@ impl Evidence {
             plan_digest: plan.digest(),
             source_digest: plan.source_digest(),
             written_by: reader.written_by(),
+            lineage_key: reader.lineage_key()?,
             config_toml: reader.config().to_owned(),
             config,
             config_problem,

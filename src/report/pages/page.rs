@@ -255,6 +255,7 @@ pub(crate) fn lineage(evidence: &Evidence) -> Markup {
             dt { "Taps from" } dd { (evidence.source.map_or("unknown", |source| source.name())) }
             dt { "Recorded" } dd { (channels.join(" and ")) " at " (recording.sample_rate_hz) " Hz, up to " (recording.sample_count_max) " samples per channel, " (recording.pre_trigger_samples) " before the trigger" }
             dt { "Program" } dd { "archive by tapline " (evidence.written_by.as_deref().unwrap_or("(unknown)")) ", report by tapline " (env!("CARGO_PKG_VERSION")) }
+            dt { "Lineage" } dd { code { (evidence.lineage_key) } }
             dt { "Compared with" } dd {
                 @match &evidence.config.fuse.reference {
                     Some(Reference::Own) => "self (each tyre with itself)",

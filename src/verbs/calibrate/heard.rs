@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 use anyhow::{Result, bail, ensure};
 use tapline_acquire::{CaptureConfig, DeviceName, Monitor};
 use tapline_host::messages::{counted, print_line};
-use tapline_process::Extractor;
 use tapline_process::calibration::{of_blows, of_tone};
+use tapline_process::{Extractor, PeakEstimator, ProcessConfig};
 use tapline_wire::{Discriminator, Quality, Samples, Unit};
 
 use crate::cli::calibrate::HeardArgs;
@@ -16,8 +16,12 @@ use crate::config::Config;
 use crate::verbs::calibrate::Found;
 use crate::verbs::monitor::device_of;
 
-/// Largest standard deviation of blows that still give a calibration, as a fraction of the scale.
-const SPREAD_MAX: f64 = 0.05;
+/// Largest standard error of the mean of blows that still gives a calibration, as a fraction of the scale: levels that differ from a
+/// reference by 1 % change verdicts.
+const ERROR_MAX: f64 = 0.005;
+
+/// Fewest blows whose scatter says anything of the error.
+const BLOWS_MIN: usize = 3;
 
 /// Largest part of the sound that may not be the tone, and largest change of the tone's level.
 const REST_MAX: f64 = 0.1;
@@ -32,7 +36,9 @@ const SPOILT: Quality = Quality::DOUBLE_HIT
     .union(Quality::SPIKE)
     .union(Quality::DROPOUT)
     .union(Quality::UNDERSAMPLED)
-    .union(Quality::LATE_TRIGGER);
+    .union(Quality::LATE_TRIGGER)
+    .union(Quality::LOW_SNR)
+    .union(Quality::HUM);
 
 /// A device that is listened to.
 struct Listening {
@@ -111,12 +117,14 @@ pub(super) fn blows(known_n: &[f64], count: usize, heard: &HeardArgs) -> Result<
     ensure!(bad.is_none(), "--known-n is {}; it must be above 0 and at most 1000000", bad.copied().unwrap_or_default());
     let known_n = if let [one] = known_n { vec![*one; count] } else { known_n.to_vec() };
     ensure!(
-        (2..=1000).contains(&known_n.len()),
-        "{} asked for; there must be from 2 to 1000",
+        (BLOWS_MIN..=1000).contains(&known_n.len()),
+        "{} asked for; there must be from {BLOWS_MIN} to 1000",
         counted(known_n.len(), "blow is", "blows are")
     );
     let mut listening = Listening::to(heard)?;
-    let mut extractor = Extractor::<f64>::new(&listening.config.process)?;
+    // Of the estimators of a peak it has the least bias by noise, which the mean of many blows would keep.
+    let process = ProcessConfig { f_max: PeakEstimator::Polynomial, ..listening.config.process };
+    let mut extractor = Extractor::<f64>::new(&process)?;
     let mut peaks = Vec::new();
     print_line(&format!("strike the sensor: {} blows are wanted", known_n.len()));
     while peaks.len() < known_n.len() {
@@ -149,13 +157,22 @@ pub(super) fn blows(known_n: &[f64], count: usize, heard: &HeardArgs) -> Result<
         }
     }
     let Some(found) = of_blows(&peaks, &known_n) else { bail!("the blows give no scale") };
+    let error = found.spread / (peaks.len() as f64).sqrt();
     ensure!(
-        found.spread <= SPREAD_MAX,
-        "the scale differs from blow to blow by {:.1} % (standard deviation); at most {:.0} % is allowed",
+        error <= ERROR_MAX,
+        "the scale differs from blow to blow by {:.2} % (standard deviation), so that the mean of {} blows is known to {:.2} % (standard \
+         error); at most {:.1} % is allowed: make more blows, or more even ones",
         100.0 * found.spread,
-        100.0 * SPREAD_MAX
+        peaks.len(),
+        100.0 * error,
+        100.0 * ERROR_MAX
     );
-    let method = format!("{} blows, standard deviation {:.2} %", peaks.len(), 100.0 * found.spread);
+    let method = format!(
+        "by {} blows, standard deviation {:.2} %, standard error {:.2} %",
+        peaks.len(),
+        100.0 * found.spread,
+        100.0 * error
+    );
     Ok(listening.found(Unit::Newton, found.full_scale_n, method))
 }
 
@@ -166,8 +183,8 @@ pub(super) fn tone(known_pa: f64, frequency_hz: f64, listen_s: f64, heard: &Hear
     let samples = {
         let capture = &listening.config.capture;
         ensure!(
-            known_pa > 0.0 && known_pa <= 20.0,
-            "--known-pa is {known_pa}; it must be above 0 and at most 20, which is 120 dB: 94 dB is 1.0024 Pa"
+            known_pa > 0.0 && known_pa <= 200.0,
+            "--known-pa is {known_pa}; it must be above 0 and at most 200, which is 140 dB: 94 dB is 1.0024 Pa"
         );
         let most = 0.45 * rate_hz;
         ensure!(
@@ -211,6 +228,11 @@ pub(super) fn tone(known_pa: f64, frequency_hz: f64, listen_s: f64, heard: &Hear
         100.0 * tone.drift,
         100.0 * DRIFT_MAX
     );
-    let method = format!("tone of {known_pa} Pa at {:.1} Hz, rest {:.2} %", tone.frequency_hz, 100.0 * tone.rest);
+    let method = format!(
+        "by a tone of {known_pa} Pa at {:.1} Hz, rest {:.2} %, drift {:.2} %",
+        tone.frequency_hz,
+        100.0 * tone.rest,
+        100.0 * tone.drift
+    );
     Ok(listening.found(Unit::Pascal, known_pa / tone.rms, method))
 }

@@ -7,10 +7,12 @@ use std::io::Write as _;
 use std::path::Path;
 
 use anyhow::{Context as _, Result, bail, ensure};
+use jiff::civil::Date;
 use jiff::{Timestamp, ToSpan as _, tz::TimeZone};
 use serde_json::json;
 use tapline_acquire::{CalibrationFile, ChannelScale};
 use tapline_host::atomic_file::{Existing, write_atomically};
+use tapline_host::messages::print_line;
 use tapline_host::stdout::Stdout;
 use tapline_wire::{Certificate, Channel, Unit};
 
@@ -21,17 +23,17 @@ pub(crate) fn calibrate(verb: &CalibrateVerb) -> Result<bool> {
     match verb {
         #[cfg(feature = "alsa")]
         CalibrateVerb::Blows { known_n, count, heard, written } => {
-            keep(written, Channel::Force, || heard::blows(known_n, *count, heard))
+            keep(written, Channel::Force, None, || heard::blows(known_n, *count, heard))
         }
         #[cfg(feature = "alsa")]
         CalibrateVerb::Tone { known_pa, frequency_hz, listen_s, heard, written } => {
-            keep(written, Channel::Sound, || heard::tone(*known_pa, *frequency_hz, *listen_s, heard))
+            keep(written, Channel::Sound, None, || heard::tone(*known_pa, *frequency_hz, *listen_s, heard))
         }
         #[cfg(not(feature = "alsa"))]
         CalibrateVerb::Blows { .. } | CalibrateVerb::Tone { .. } => crate::cli::built_without("ALSA", "alsa"),
-        CalibrateVerb::State { channel, full_scale_v, sensitivity_mv, gain, written } => {
+        CalibrateVerb::State { channel, full_scale_v, sensitivity_mv, gain, date, written } => {
             let found = stated(*channel, *full_scale_v, *sensitivity_mv, *gain)?;
-            keep(written, *channel, || Ok(found))
+            keep(written, *channel, *date, || Ok(found))
         }
     }
 }
@@ -42,6 +44,7 @@ struct Found {
     full_scale: f64,
     /// Volts of a full-scale sample, where they are known.
     full_scale_v: Option<f64>,
+    /// How it was found; the scale comes before it.
     method: String,
     sensitivity_mv_per_unit: Option<f64>,
     gain: Option<f64>,
@@ -63,7 +66,8 @@ fn stated(channel: Channel, full_scale_v: f64, sensitivity_mv: Option<f64>, gain
         (Channel::Sound, None) => (Unit::Volt, full_scale_v / gain),
         (Channel::Force, None) => bail!("--sensitivity-mv is missing: without it a force has no newtons"),
     };
-    let method = format!("stated: {full_scale_v} V at full scale");
+    let of = sensitivity_mv.map_or_else(String::new, |mv| format!(" at {mv} mV/{}", unit.name()));
+    let method = format!("as stated: {full_scale_v} V{of} and a gain of {gain}");
     let full_scale_v = Some(full_scale_v);
     Ok(Found { unit, full_scale, full_scale_v, method, sensitivity_mv_per_unit: sensitivity_mv, gain: Some(gain) })
 }
@@ -89,21 +93,30 @@ fn present(written: &WrittenArgs, channel: Channel) -> Result<CalibrationFile> {
     Ok(file)
 }
 
-/// Writes what is found of `channel`, today.
-fn keep(written: &WrittenArgs, channel: Channel, find: impl FnOnce() -> Result<Found>) -> Result<bool> {
+/// Writes what is found of `channel`, of `date` or today.
+fn keep(
+    written: &WrittenArgs,
+    channel: Channel,
+    date: Option<Date>,
+    find: impl FnOnce() -> Result<Found>,
+) -> Result<bool> {
+    let today = Timestamp::now().to_zoned(TimeZone::UTC).date();
+    let date = date.unwrap_or(today);
+    ensure!(date <= today, "--date is {date}; it must not be after today, {today} (UTC)");
     // Nobody should strike a sensor for a result that cannot be kept.
     present(written, channel)?;
     let found = find()?;
     // Another may have calibrated the other channel meanwhile.
     let mut file = present(written, channel)?;
-    let WrittenArgs { out, valid_days, json: as_json, .. } = written;
-    let today = Timestamp::now().to_zoned(TimeZone::UTC).date();
+    let WrittenArgs { out, valid_days, note, json: as_json, .. } = written;
     let until =
-        today.checked_add(i64::from(*valid_days).days()).context("--valid-days ends after the last possible date")?;
+        date.checked_add(i64::from(*valid_days).days()).context("--valid-days ends after the last possible date")?;
     let Found { unit, full_scale, full_scale_v, method, sensitivity_mv_per_unit, gain } = found;
-    let (date, valid_until) = (today.to_string(), Some(until.to_string()));
+    let (date, valid_until) = (date.to_string(), Some(until.to_string()));
+    let note = note.as_ref().map_or_else(String::new, |note| format!("; {note}"));
+    let method = format!("{full_scale:.6} {} at full scale, {method}{note}", unit.name());
     let certificate = Certificate { method, date, valid_until, sensitivity_mv_per_unit, gain };
-    let said = format!("{}: {full_scale:.6} {} at full scale ({})", channel.name(), unit.name(), certificate.method);
+    let said = format!("{}: {}", channel.name(), certificate.method);
     let printed = json!({
         "file": out.display().to_string(), "channel": channel.name(), "unit": unit.name(), "full_scale": full_scale,
         "method": certificate.method, "date": certificate.date, "valid_until": certificate.valid_until,
@@ -112,7 +125,11 @@ fn keep(written: &WrittenArgs, channel: Channel, find: impl FnOnce() -> Result<F
         Channel::Force => &mut file.force,
         Channel::Sound => &mut file.sound,
     };
-    *place = Some(ChannelScale { unit, full_scale, full_scale_v, certificate });
+    let before = place.replace(ChannelScale { unit, full_scale, full_scale_v, certificate });
+    if let Some(before) = before.filter(|before| before.unit == unit) {
+        let (was, of) = (before.full_scale, before.certificate.date);
+        print_line(&format!("it was {was:.6} {} of {of}: {:+.2} %", unit.name(), 100.0 * (full_scale / was - 1.0)));
+    }
     write(out, &file)?;
     let said = if *as_json { printed.to_string() } else { format!("{said}\n{}: valid until {until}", out.display()) };
     writeln!(Stdout, "{said}")?;
