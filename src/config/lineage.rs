@@ -79,6 +79,8 @@ fn flatten(path: &str, value: &toml::Value, lines: &mut Vec<String>) {
 /// The value of an option as it is shown for an archive with this `plan`. Of the simulated tyres, which may be hundreds, it
 /// has the archive's own and the number of the others.
 pub(crate) fn shown_value(key: &str, value: String, plan: &Plan) -> String {
+    // An archive may come from a stranger, and a terminal obeys some characters.
+    let value = value.replace(char::is_control, " ");
     let tyres = match toml::from_str::<toml::Table>(&format!("tyre = {value}")) {
         Ok(mut table) if key == "scan.tyre" => table.remove("tyre"),
         _ => None,

@@ -139,7 +139,9 @@ fn signs(shoulders: &[Reasons], whole: &Whole) -> Vec<&'static str> {
     let is_off = |&&(_, which, most): &&(&str, Discriminator, f64)| {
         whole.level.get(which.name()).is_some_and(|times| !(1.0 / most..=most).contains(times))
     };
-    let gains = GAINS.iter().filter(is_off).map(|&(name, ..)| name);
+    // With more casings the reference itself says whether the force is off.
+    let is_unknown = is_of_casing(Reasons::LEVEL_UNKNOWN);
+    let gains = GAINS.iter().filter(is_off).map(|&(name, ..)| name).filter(|name| *name != FORCE_GAIN || is_unknown);
     named.map(|&(_, name)| name).chain(gains).collect()
 }
 
@@ -253,6 +255,11 @@ mod tests {
         for more in [Reasons::TAPS_REFUSED, Reasons::DAMAGE] {
             assert_eq!(said(&vec![(absent | more, whole(1.0, 1.0)); 9]), [""; 0]);
         }
+        // By few casings alone the level of the force is a sign of its own.
+        let softer = |reasons| vec![(reasons, whole(0.8, 1.0)); 5];
+        assert_eq!(said(&softer(Reasons::default())), [""; 0]);
+        let of_force = "station 1: force_gain on 5 casings, A-0 to A-4: f_max -20.0 % relative to the reference's";
+        assert_eq!(said(&softer(Reasons::LEVEL_UNKNOWN))[1], format!("has {of_force}"));
         let quiet = vec![(Reasons::default(), whole(1.0, 0.5)); 5];
         let gain = "station 1: sound_gain on 5 casings, A-0 to A-4: a_1 -50.0 % relative to the reference's";
         assert_eq!(said(&quiet)[1], format!("has {gain}"));

@@ -9,8 +9,7 @@ use tapline_wire::{Discriminator, Judgement, Quality, Reasons};
 /// The sign of a microphone that hears everything louder or quieter than before. Verdicts ignore it: gain is no damage.
 pub(crate) const SOUND_GAIN: &str = "sound_gain";
 
-/// The sign of a sensor that feels every blow as harder or softer than before, by a reference whose casings are too few to show what
-/// levels they have.
+/// The sign of a sensor that feels every blow as harder or softer than before, where the reference has too few casings for `level_off`.
 pub(crate) const FORCE_GAIN: &str = "force_gain";
 
 /// Flags, scatter and level of a shoulder, by name.

@@ -38,8 +38,11 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
         let foreign = || format!("{}: its configuration is not one of this program", file.path.display());
         let config = Config::parse(reader.config()).with_context(foreign);
         let Some(config) = work.take(file, config)? else { continue };
+        let Some(judgements) = work.take(file, reader.judgements())? else { continue };
+        let doubts = Reasons::NOT_CALIBRATED | Reasons::CALIBRATION_OUT_OF_DATE;
+        let is_doubtful = judgements.iter().flatten().any(|(judgement, _)| judgement.reasons.intersects(doubts));
         let records: Vec<_> = records.into_iter().flatten().collect();
-        taken.add(&file.path, &reader, &config, &records)?;
+        taken.add(&file.path, &reader, &config, &records, is_doubtful)?;
     }
     taken.check_found(work.has_failed())?;
     let is_complete = work.end()?;
@@ -88,7 +91,15 @@ impl<'a> Taken<'a> {
     }
 
     /// Takes the wanted shoulders of the archive at `path`, unless its taps cannot be compared with those of the first.
-    fn add(&mut self, path: &'a Path, reader: &Reader, config: &Config, records: &[Discriminators]) -> Result<()> {
+    /// `is_doubtful`: whether a calibration is missing or out of date.
+    fn add(
+        &mut self,
+        path: &'a Path,
+        reader: &Reader,
+        config: &Config,
+        records: &[Discriminators],
+        is_doubtful: bool,
+    ) -> Result<()> {
         let process = process_of(&config.process, &reader.plan().recording)?;
         let shoulders = self.wanted_of(path, reader, records)?;
         let Some(casing) = shoulders.first().map(|shoulder| shoulder.tyre.clone()) else { return Ok(()) };
@@ -113,8 +124,7 @@ impl<'a> Taken<'a> {
             plan_digest: format!("{:016x}", reader.plan().digest()),
             config: reader.config().to_owned(),
         };
-        let doubts = Reasons::NOT_CALIBRATED | Reasons::CALIBRATION_OUT_OF_DATE;
-        if reader.judgements()?.iter().flatten().any(|(judgement, _)| judgement.reasons.intersects(doubts)) {
+        if is_doubtful {
             self.uncalibrated.insert(casing.clone());
         }
         self.lineage.push((casing, origin));

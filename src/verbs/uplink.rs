@@ -86,11 +86,13 @@ fn until(is_once: bool) -> Result<Until> {
 
 /// What is wrong with the archive at `path`; an error if this program cannot find that out, or not now.
 fn check(path: &Path) -> Result<Option<String>> {
-    // They are checked with the archive of their taps, which a stranger could name.
-    if tapline_store::has_results(path) {
-        return Ok(Some("it has only results".to_owned()));
-    }
-    let report = match tapline_store::verify(path) {
+    // Results are checked with the archive that they name, and a stranger may name any.
+    let report = match tapline_store::has_only_results(path) {
+        Ok(true) => return Ok(Some("it has only results".to_owned())),
+        Ok(false) => tapline_store::verify(path),
+        Err(error) => Err(error),
+    };
+    let report = match report {
         Ok(report) => report,
         Err(error @ (Error::Io { .. } | Error::InUse { .. } | Error::FormatVersion { .. })) => return Err(error.into()),
         Err(error) => return Ok(Some(with_causes(&error).replace(&path.display().to_string(), "it"))),

@@ -7,6 +7,7 @@
 use std::collections::BTreeMap;
 use std::future::{Ready, ready};
 use std::net::{IpAddr, SocketAddr};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -26,7 +27,7 @@ use crate::wires::wire::{News, Plant, Wire};
 
 /// Most connections at once, and most of one machine: a display that loses its connections keeps no controller out.
 const CONNECTIONS_MAX: usize = 32;
-const OF_ONE_MAX: usize = 8;
+const OF_ONE_MAX: usize = 24;
 
 /// Time until the next attempt after a connection could not be accepted.
 const ACCEPT_AGAIN_AFTER: Duration = Duration::from_millis(200);
@@ -83,10 +84,16 @@ pub(super) fn start(config: &ModbusConfig, plant: &Plant) -> Result<(Wire, Socke
 
 async fn serve(listener: std::net::TcpListener, registers: Arc<Registers>, mut news: News) -> Result<()> {
     let server = Server::new(TcpListener::from_std(listener)?);
-    let places = Arc::new(Places::default());
+    let (places, has_warned) = (Arc::new(Places::default()), AtomicBool::new(false));
     let client = |stream: TcpStream, from: SocketAddr| {
         end_if_gone(&stream, GONE_AFTER);
-        let client = places.take(from.ip()).map(|place| Client { registers: Arc::clone(&registers), _place: place });
+        let place = places.take(from.ip());
+        if place.is_none() && !has_warned.swap(true, Ordering::Relaxed) {
+            tracing::warn!(
+                "modbus: {from} is refused: at most {CONNECTIONS_MAX} connections, {OF_ONE_MAX} of one machine"
+            );
+        }
+        let client = place.map(|place| Client { registers: Arc::clone(&registers), _place: place });
         ready(Ok(client.map(|client| (client, stream))))
     };
     let accept = async {
@@ -302,7 +309,7 @@ mod tests {
         let take_all = |last: u8| from_fn(|| places.take([10, 0, 0, last].into())).collect::<Vec<Place>>();
         let of_one = take_all(1);
         assert_eq!(of_one.len(), OF_ONE_MAX);
-        let others: Vec<_> = (2..20).map(take_all).collect();
+        let others: Vec<_> = (2..4).map(take_all).collect();
         assert_eq!(others.iter().map(Vec::len).sum::<usize>(), CONNECTIONS_MAX - OF_ONE_MAX);
         drop(of_one);
         assert_eq!(take_all(1).len(), OF_ONE_MAX);

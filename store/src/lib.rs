@@ -61,6 +61,7 @@ mod stage;
 mod testing;
 mod write;
 
+pub use archive::has_only_results;
 pub use config::StoreConfig;
 pub use error::{Error, Result};
 pub use file::{LEFT_FOLDER, OPEN_FOLDER, UNREPORTED_FOLDER};

@@ -187,7 +187,6 @@ impl Collecting<'_> {
                 return self.jetstream.remove(&file).await;
             }
         }
-        self.folder.ensure_room(info.size as u64)?;
         let digest = info.digest.with_context(|| format!("the server returns no digest of {file}"))?;
         match digest_of(&self.folder.place(&file))? {
             Some((there, bytes)) if there == digest => {
@@ -197,7 +196,7 @@ impl Collecting<'_> {
                 let why = format!("{} has another file of this name", self.folder.name);
                 self.give(file, self.receipt(digest, info.size as u64, Fate::Refused(why)), report).await
             }
-            None => match self.write_draft(message, &file).await {
+            None => match self.drafted(message, &file, info.size as u64).await {
                 Ok(Read::Whole { digest, bytes }) => {
                     let fate = self.checked(message, &file).await;
                     let fate = fate.inspect_err(|_| self.folder.discard(&file))?;
@@ -230,6 +229,12 @@ impl Collecting<'_> {
                 Err(_) => drop(message.ack_with(AckKind::Progress).await),
             }
         }
+    }
+
+    /// As [`Self::write_draft`], if there is room for its `bytes`.
+    async fn drafted(&self, message: &Message, file: &CasingFile, bytes: u64) -> Result<Read> {
+        self.folder.ensure_room(bytes)?;
+        self.write_draft(message, file).await
     }
 
     /// Writes the bytes of `file` into its draft, and has them on the disk.

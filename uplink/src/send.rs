@@ -85,7 +85,12 @@ impl State {
 
     /// Whether a receipt is to be asked for.
     fn is_asked(&self) -> bool {
-        matches!(self, Self::Waits { .. } | Self::Settled { is_due: true, .. })
+        match self {
+            Self::Waits { .. } | Self::Settled { is_due: true, .. } => true,
+            // It may be the receipt that could not be read.
+            Self::Unreadable(at) => at.elapsed() >= ASK_AFTER,
+            Self::Unsent | Self::Settled { .. } => false,
+        }
     }
 }
 

@@ -19,6 +19,9 @@ const INCOMING: &str = ".incoming";
 /// In it: the name of this collector, and that a process works here.
 const NAME: &str = ".collector";
 
+/// Most bytes of a disk that stay free.
+const KEPT_MAX: u64 = 2_000_000_000;
+
 /// A centre's folder, which one process at a time fills.
 #[derive(Debug)]
 pub(crate) struct Folder {
@@ -72,14 +75,16 @@ impl Folder {
         sync_folders(&draft, &self.path)
     }
 
-    /// Refuses `bytes` for which the disk has no room: a twentieth of it stays free for what else is written there.
+    /// Refuses `bytes` for which the disk has no room: a twentieth of it, but at most [`KEPT_MAX`], stays free for what else is written
+    /// there.
     pub(crate) fn ensure_room(&self, bytes: u64) -> Result<()> {
         let context = || format!("cannot find out how much room {} has", self.path.display());
         let disk = rustix::fs::statvfs(&self.path).with_context(context)?;
-        let (free, kept) = (disk.f_bavail * disk.f_frsize, disk.f_blocks * disk.f_frsize / 20);
+        let (free, kept) = (disk.f_bavail * disk.f_frsize, (disk.f_blocks * disk.f_frsize / 20).min(KEPT_MAX));
+        // Without the bytes that are free, which change: a trouble is logged once.
         ensure!(
             bytes.saturating_add(kept) <= free,
-            "no room for {bytes} bytes: the disk of {} has {free} free, and {kept} of them stay free",
+            "no room for {bytes} bytes on the disk of {}, of which {kept} stay free",
             self.path.display()
         );
         Ok(())

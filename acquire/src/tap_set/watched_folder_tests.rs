@@ -200,7 +200,7 @@ fn half_done_sets_are_found_again() {
 fn a_pipe_holds_no_notes() {
     let folder = tempfile::tempdir().unwrap();
     let pipe = folder.path().join(CLOSED);
-    rustix::fs::mknodat(rustix::fs::CWD, &pipe, rustix::fs::FileType::Fifo, 0o600.into(), 0).unwrap();
+    rustix::fs::mknodat(CWD, &pipe, rustix::fs::FileType::Fifo, 0o600.into(), 0).unwrap();
     assert!(note_closed(folder.path(), "A").is_err());
     let _reader = OpenOptions::new().read(true).custom_flags(file_flags()).open(&pipe).unwrap();
     assert!(note_closed(folder.path(), "A").is_err(), "somebody reads it");

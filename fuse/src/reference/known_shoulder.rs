@@ -162,7 +162,9 @@ impl KnownShoulder {
             return Some(format!("{} has a column {column:?}, which is not a discriminator", name()));
         }
         let unnamed = self.turns.iter().find(|turn| self.tap_id(turn).is_none())?;
-        Some(format!("{} has a turn at {:?} mm and {:?} m/s", name(), unnamed.offset_mm, unnamed.velocity_m_per_s))
+        let shown = |value: Option<f64>| value.map_or_else(|| "unknown".to_owned(), |value| value.to_string());
+        let (offset, velocity) = (shown(unnamed.offset_mm), shown(unnamed.velocity_m_per_s));
+        Some(format!("{} has a turn at {offset} mm and {velocity} m/s, which no tap can have", name()))
     }
 }
 

@@ -12,11 +12,14 @@ use jiff::{Timestamp, ToSpan as _, tz::TimeZone};
 use serde_json::json;
 use tapline_acquire::{CalibrationFile, ChannelScale};
 use tapline_host::atomic_file::{Existing, write_atomically};
-use tapline_host::messages::print_line;
+use tapline_host::messages::{print_line, say};
 use tapline_host::stdout::Stdout;
 use tapline_wire::{Certificate, Channel, Unit};
 
 use crate::cli::calibrate::{CalibrateVerb, WrittenArgs};
+
+/// Longest note, so that there is room for how the scale was found.
+const NOTE_BYTES_MAX: usize = 200;
 
 /// Calibrates a channel, and writes it into the file of its station.
 pub(crate) fn calibrate(verb: &CalibrateVerb) -> Result<bool> {
@@ -105,15 +108,26 @@ fn keep(
     ensure!(date <= today, "--date is {date}; it must not be after today, {today} (UTC)");
     // Nobody should strike a sensor for a result that cannot be kept.
     present(written, channel)?;
+    let note = written.note.as_deref().unwrap_or_default();
+    ensure!(
+        note.len() <= NOTE_BYTES_MAX && !note.chars().any(char::is_control),
+        "--note has {} bytes; it must have at most {NOTE_BYTES_MAX}, on one line",
+        note.len()
+    );
     let found = find()?;
     // Another may have calibrated the other channel meanwhile.
     let mut file = present(written, channel)?;
-    let WrittenArgs { out, valid_days, note, json: as_json, .. } = written;
+    let WrittenArgs { out, valid_days, json: as_json, .. } = written;
     let until =
         date.checked_add(i64::from(*valid_days).days()).context("--valid-days ends after the last possible date")?;
     let Found { unit, full_scale, full_scale_v, method, sensitivity_mv_per_unit, gain } = found;
     let (date, valid_until) = (date.to_string(), Some(until.to_string()));
-    let note = note.as_ref().map_or_else(String::new, |note| format!("; {note}"));
+    if until < today {
+        say(&format!(
+            "it was valid until {until}: casings that are tapped now have no valid calibration; --valid-days says how long it is"
+        ));
+    }
+    let note = if note.is_empty() { String::new() } else { format!("; {note}") };
     let method = format!("{full_scale:.6} {} at full scale, {method}{note}", unit.name());
     let certificate = Certificate { method, date, valid_until, sensitivity_mv_per_unit, gain };
     let said = format!("{}: {}", channel.name(), certificate.method);
@@ -126,11 +140,11 @@ fn keep(
         Channel::Sound => &mut file.sound,
     };
     let before = place.replace(ChannelScale { unit, full_scale, full_scale_v, certificate });
+    write(out, &file)?;
     if let Some(before) = before.filter(|before| before.unit == unit) {
         let (was, of) = (before.full_scale, before.certificate.date);
         print_line(&format!("it was {was:.6} {} of {of}: {:+.2} %", unit.name(), 100.0 * (full_scale / was - 1.0)));
     }
-    write(out, &file)?;
     let said = if *as_json { printed.to_string() } else { format!("{said}\n{}: valid until {until}", out.display()) };
     writeln!(Stdout, "{said}")?;
     Ok(true)

@@ -10,9 +10,9 @@ mod names;
 mod nodes;
 mod result;
 
-use std::fs::{self, DirBuilder, Permissions};
+use std::fs::{self, DirBuilder};
 use std::net::SocketAddr;
-use std::os::unix::fs::{DirBuilderExt as _, PermissionsExt as _};
+use std::os::unix::fs::{DirBuilderExt as _, MetadataExt as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
@@ -122,7 +122,9 @@ fn builder(address: SocketAddr, pki: Option<&Path>, user: Option<User>, scratch:
             // Only its user may read the key.
             let private = folder.join("private");
             let made = DirBuilder::new().recursive(true).mode(0o700).create(&private);
-            let made = made.and_then(|()| fs::set_permissions(&private, Permissions::from_mode(0o700)));
+            if private.metadata().is_ok_and(|there| there.mode() & 0o077 != 0) {
+                tracing::warn!("{}: others than its user may look into it; chmod 700 it", private.display());
+            }
             made.with_context(|| format!("line.opcua.pki_folder = \"{}\": cannot make it", folder.display()))?;
             builder = builder.pki_dir(folder).create_sample_keypair(true);
             builder = builder.certificate_path(CERTIFICATE).private_key_path(KEY);

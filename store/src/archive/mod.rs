@@ -23,6 +23,7 @@ use hdf5::File;
 use tapline_wire::Plan;
 
 pub(crate) use self::open::Access;
+pub use self::open::has_only_results;
 use crate::archive::ledger::raw_digest;
 use crate::error::{Context, Error, Result};
 use crate::format::layout::{

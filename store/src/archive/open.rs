@@ -114,6 +114,17 @@ impl Archive {
     }
 }
 
+/// Whether the file at `path` has only results, without a look at the archive that it names.
+///
+/// # Errors
+/// As when it is opened.
+pub fn has_only_results(path: &Path) -> Result<bool> {
+    probe(path, Access::ReadUnfinished)?;
+    let file = files_to_read().open(path).context("open the archive", path)?;
+    let names = file.attr_names().context("read the attributes", path)?;
+    Ok(names.iter().any(|name| name == attribute::RAW))
+}
+
 /// Opens the archive of the taps, if `file` has only results, and checks that the taps have not changed since these were computed;
 /// else `None`.
 fn open_raw(file: &File, path: &Path, may_be_results: bool) -> Result<Option<Archive>> {
@@ -232,8 +243,8 @@ fn open_table<R: ChecksummedRow>(file: &File, path: &Path, row_count: usize, cap
 
 fn text_of(text: Vec<u8>, name: &str, path: &Path) -> Result<String> {
     let text = String::from_utf8(text).map_err(|_error| Error::damaged(path, format!("{name:?} is not UTF-8")))?;
-    // A terminal would obey it; none of these texts has any.
-    match text.chars().find(|&c| c.is_control() && !['\n', '\r', '\t'].contains(&c)) {
+    // A terminal would obey it; TOML and JSON have no others.
+    match text.chars().find(|&c| c.is_ascii_control() && !['\n', '\r', '\t'].contains(&c)) {
         Some(c) => Err(Error::damaged(path, format!("{name:?} holds the control character {c:?}"))),
         None => Ok(text),
     }

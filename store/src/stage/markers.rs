@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::{fs, io};
 
 use serde::{Deserialize, Serialize};
-use tapline_wire::{CasingHeader, Stamp, casing_number};
+use tapline_wire::{CasingHeader, Plan, Stamp, casing_number};
 
 use super::open_casing::OpenCasing;
 use super::places::{name_of_open, stem_of};
@@ -13,7 +13,6 @@ use super::unreported::Unreported;
 use super::{Result, RunError, StageLoop};
 use crate::error::{Context as _, Error};
 use crate::file::draft::rename_new;
-use crate::read::reader::Reader;
 
 /// Extension of a marker, which otherwise has the name of the unfinished file.
 const ENDING: &str = "closed";
@@ -82,8 +81,8 @@ impl StageLoop<'_> {
             if marker.extension().is_none_or(|ending| ending != ENDING) {
                 continue;
             }
-            let text = fs::read_to_string(&marker).context("read", &marker)?;
-            let Ok(contents) = serde_json::from_str::<Marker>(&text) else {
+            let text = fs::read(&marker).context("read", &marker)?;
+            let Ok(contents) = serde_json::from_slice::<Marker>(&text) else {
                 // Its writing was interrupted, so the file is not renamed yet; it gets a new marker.
                 remove(&marker);
                 continue;
@@ -100,10 +99,10 @@ impl StageLoop<'_> {
     }
 
     /// Renames a sealed file without a marker.
-    pub(super) fn take_up_sealed(&mut self, open: &Path) -> Result<(), RunError> {
+    pub(super) fn take_up_sealed(&mut self, open: &Path, plan: &Plan) -> Result<(), RunError> {
         let stem = stem_of(open);
         let path = self.run.places.finish(&name_of_open(&stem))?;
-        let header = OpenCasing::header_of(casing_number(&stem), Reader::open(open)?.plan());
+        let header = OpenCasing::header_of(casing_number(&stem), plan);
         let contents = Marker::new(&header, &path);
         let marker = contents.write(open)?;
         self.rename_finished(open, &header, path)?;

@@ -16,15 +16,28 @@ impl StageLoop<'_> {
         self.run.places.create()?;
         self.take_up_finished()?;
         for path in self.run.places.open_files()? {
-            match Writer::resume(&path, self.run.lineage()) {
+            let resume = || Writer::resume(&path, self.run.lineage());
+            // What cannot be read may have been a moment's trouble.
+            let again = |error: Error| if error.is_unreadable_part() { resume() } else { Err(error) };
+            match resume().or_else(again) {
                 Ok(writer) => self.open.push(OpenCasing::new(writer)),
-                Err(Error::Finished { .. }) => self.take_up_sealed(&path)?,
-                // A bad sector does not go away; where the whole file system has failed, the file cannot be moved either.
+                Err(Error::Finished { .. }) => match Reader::open(&path) {
+                    Ok(sealed) => self.take_up_sealed(&path, sealed.plan())?,
+                    Err(error) if error.is_recoverable() && !error.is_unreadable_part() => {
+                        return Err(write_failure(error));
+                    }
+                    Err(error) => {
+                        let left = self.run.places.leave(&path).map_err(write_failure)?;
+                        tracing::error!("{error}; this finished casing is put aside as {}", left.display());
+                    }
+                },
+                // A bad sector does not go away.
                 Err(error) if error.is_recoverable() && !error.is_unreadable_part() => {
                     return Err(write_failure(error));
                 }
                 Err(error) => {
-                    let left = self.run.places.leave(&path)?;
+                    // Where the whole file system has failed, the file cannot be moved either.
+                    let left = self.run.places.leave(&path).map_err(write_failure)?;
                     tracing::error!("{error}; what exists of this casing is put aside as {}", left.display());
                 }
             }

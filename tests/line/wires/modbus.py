@@ -39,10 +39,11 @@ def main():
     client = ModbusTcpClient(host, port=int(port), timeout=3, retries=0)
     assert client.connect()
     # What is no register, and what may not be written.
+    waiting = client.read_holding_registers(16, count=1).registers[0]
     for refused in [
         client.read_holding_registers(arguments.stations * BLOCK, count=1),
         client.write_register(4, 1),
-        client.write_register(ACKNOWLEDGE, 0),
+        client.write_register(ACKNOWLEDGE, waiting % 65000 + 500),
         client.read_coils(0, count=1),
     ]:
         assert refused.isError(), refused

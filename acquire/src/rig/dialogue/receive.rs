@@ -55,12 +55,9 @@ impl Dialogue {
         if !self.pending.as_ref().is_some_and(may_answer) {
             self.count_unexpected(now)?;
         }
-        if matches!(message, RigMessage::Casing(_) | RigMessage::Stopped(_)) {
-            self.count_change(now)?;
-        }
         match message {
             RigMessage::Hello { .. } => Err("the rig has said hello twice".to_owned()),
-            RigMessage::Casing(serial) => Ok(self.load(&serial)),
+            RigMessage::Casing(serial) => self.load(&serial, now),
             RigMessage::Removed => {
                 self.discard_loaded();
                 self.last_end.clear();
@@ -98,6 +95,7 @@ impl Dialogue {
                 let RigConfig { station, address, .. } = &self.config;
                 tracing::warn!("station {station}: the rig at {address} is stopped: {why}");
                 if self.stopped.as_ref() != Some(&why) {
+                    self.count_change(now)?;
                     self.end_stop();
                     self.alarm(stopped(&why));
                 }
@@ -160,42 +158,44 @@ impl Dialogue {
 
     /// Handles a casing on the rig: the current one again, one that has ended, or a new one. Returns whether something
     /// has changed for the station.
-    fn load(&mut self, serial: &str) -> bool {
+    fn load(&mut self, serial: &str, now: Instant) -> Result<bool, String> {
         let station = self.config.station;
         if serial != UNKNOWN
             && let Err(error) = Serial::new(serial)
         {
+            self.count_change(now)?;
             tracing::error!("station {station}: a casing is skipped: {error}");
             self.report(RecordKind::Refusal, format!("a casing is skipped: {error}"));
             self.send(&format!("error {}", one_line(&error.to_string())));
             self.discard_loaded();
             self.remove_current("another casing was put on the rig before its last tap");
-            return true;
+            return Ok(true);
         }
         let scan = format!("scan {serial} {}", self.tap_count);
         if let Some(current) = self.current.as_mut().filter(|current| current.serial == serial && serial != UNKNOWN) {
             if self.away_since.take().is_none() {
                 self.send(&format!("error casing {serial} is on the rig already"));
-                return false;
+                return Ok(false);
             }
             tracing::info!("station {station}: the rig is back with casing {serial}");
             if !matches!(current.step, Step::Hit(..)) {
                 current.step = Step::Idle;
             }
             self.send(&scan);
-            return true;
+            return Ok(true);
         }
         if let Some(line) = self.last_end.answer(serial).filter(|_| serial != UNKNOWN) {
             tracing::info!("station {station}: casing {serial} is done; the rig has announced it again");
             self.send(&line);
-            return false;
+            return Ok(false);
         }
+        self.count_change(now)?;
         self.last_end.clear();
         self.remove_current("another casing was put on the rig before its last tap");
         self.discard_loaded();
         self.loaded = Some(serial.to_owned());
         self.send(&scan);
-        true
+        Ok(true)
     }
 
     /// The casing for which `command` was sent. An error if another command was sent, or none.
