@@ -179,6 +179,7 @@ mod tests {
             let path = places.begin(name);
             assert_eq!(path.parent(), Some(Path::new("out/open")), "{name}");
             assert_eq!(name_of_open(&stem_of(&path)), name);
+            assert!(!stem_of(&path).starts_with(['.', '-']), "{name}");
         }
     }
 
