@@ -266,8 +266,9 @@ impl fmt::Display for Explanation {
             match &self.calibration.of(channel).certificate {
                 None => writeln!(f, "{:<10} in {unit}, not calibrated", channel.name())?,
                 Some(Certificate { method, date, valid_until, .. }) => {
-                    let until = valid_until.as_ref().map_or_else(String::new, |until| format!(", valid until {until}"));
-                    writeln!(f, "{:<10} in {unit}: {method}, {date}{until}", channel.name())?;
+                    // What is computed has neither a day nor an end.
+                    let days = valid_until.as_ref().map(|until| format!(", {date}, valid until {until}"));
+                    writeln!(f, "{:<10} in {unit}: {method}{}", channel.name(), days.unwrap_or_default())?;
                 }
             }
         }
