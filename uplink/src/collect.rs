@@ -175,17 +175,16 @@ impl Collecting<'_> {
         };
         // It may have been taken since it was announced.
         let Some(info) = self.jetstream.info(&file).await? else { return Ok(()) };
-        match self.jetstream.receipt(&file).await {
+        let is_settled = match self.jetstream.receipt(&file).await {
             // Whoever has given it has settled the file.
             Err(error) if error.is::<Unreadable>() => {
                 tracing::error!("{error:#}; the file is not taken");
-                return self.jetstream.remove(&file).await;
+                true
             }
-            Ok(None) => {}
-            receipt => {
-                receipt?;
-                return self.jetstream.remove(&file).await;
-            }
+            receipt => receipt?.is_some(),
+        };
+        if is_settled {
+            return self.jetstream.remove(&file).await;
         }
         let digest = info.digest.with_context(|| format!("the server returns no digest of {file}"))?;
         match digest_of(&self.folder.place(&file))? {
@@ -196,7 +195,7 @@ impl Collecting<'_> {
                 let why = format!("{} has another file of this name", self.folder.name);
                 self.give(file, self.receipt(digest, info.size as u64, Fate::Refused(why)), report).await
             }
-            None => match self.drafted(message, &file, info.size as u64).await {
+            None => match self.write_draft(message, &file, info.size as u64).await {
                 Ok(Read::Whole { digest, bytes }) => {
                     let fate = self.checked(message, &file).await;
                     let fate = fate.inspect_err(|_| self.folder.discard(&file))?;
@@ -231,14 +230,9 @@ impl Collecting<'_> {
         }
     }
 
-    /// As [`Self::write_draft`], if there is room for its `bytes`.
-    async fn drafted(&self, message: &Message, file: &CasingFile, bytes: u64) -> Result<Read> {
+    /// Writes the `bytes` of `file` into its draft, if there is room for them, and has them on the disk.
+    async fn write_draft(&self, message: &Message, file: &CasingFile, bytes: u64) -> Result<Read> {
         self.folder.ensure_room(bytes)?;
-        self.write_draft(message, file).await
-    }
-
-    /// Writes the bytes of `file` into its draft, and has them on the disk.
-    async fn write_draft(&self, message: &Message, file: &CasingFile) -> Result<Read> {
         let draft = self.folder.draft(file);
         let context = || format!("cannot write {}", draft.display());
         let mut to = tokio::fs::File::from_std(self.folder.begin(file)?);

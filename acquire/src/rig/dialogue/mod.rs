@@ -14,6 +14,7 @@ use std::time::{Duration, Instant};
 use tapline_wire::{OVER, RecordKind};
 
 use self::last_end::LastEnd;
+use self::receive::Counter;
 use crate::rig::RigConfig;
 use crate::rig::stream::Stream;
 
@@ -65,10 +66,10 @@ pub(crate) struct Dialogue {
     last_received: Option<Instant>,
     /// When a rig at a port was last asked who it is.
     asked: Option<Instant>,
-    /// Number of unexpected lines within this second, and when the second began.
-    unexpected: (u32, Option<Instant>),
-    /// Number of casings and stops within this minute, and when the minute began; a new connection does not reset it.
-    changes: (u32, Option<Instant>),
+    /// Unexpected lines within a second.
+    unexpected: Counter,
+    /// Casings and stops within a minute; a new connection does not reset it.
+    changes: Counter,
     last_id: u64,
     last_unknown_name: String,
     /// Alarms, and casings that were skipped.
@@ -201,7 +202,7 @@ impl Dialogue {
         self.is_homed = false;
         self.count_unanswered();
         self.loaded = None;
-        self.unexpected = (0, None);
+        self.unexpected = Counter::default();
         self.last_end.begin_connection();
         if let Some(current) = &mut self.current {
             self.away_since.get_or_insert_with(Instant::now);

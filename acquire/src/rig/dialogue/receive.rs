@@ -229,26 +229,34 @@ impl Dialogue {
     }
 
     fn count_unexpected(&mut self, now: Instant) -> Result<(), String> {
-        let (count, since) = &mut self.unexpected;
-        if since.is_none_or(|since| now.duration_since(since) >= Duration::from_secs(1)) {
-            (*count, *since) = (0, Some(now));
+        match self.unexpected.are_more(UNEXPECTED_MAX, Duration::from_secs(1), now) {
+            true => Err(format!("the rig has sent more than {UNEXPECTED_MAX} unexpected lines within a second")),
+            false => Ok(()),
         }
-        *count += 1;
-        if *count > UNEXPECTED_MAX {
-            return Err(format!("the rig has sent more than {UNEXPECTED_MAX} unexpected lines within a second"));
-        }
-        Ok(())
     }
 
     fn count_change(&mut self, now: Instant) -> Result<(), String> {
-        let (count, since) = &mut self.changes;
-        if since.is_none_or(|since| now.duration_since(since) >= Duration::from_secs(60)) {
-            (*count, *since) = (0, Some(now));
+        match self.changes.are_more(CHANGES_MAX, Duration::from_secs(60), now) {
+            true => Err(format!("the rig has announced more than {CHANGES_MAX} casings and stops within a minute")),
+            false => Ok(()),
         }
-        *count += 1;
-        if *count > CHANGES_MAX {
-            return Err(format!("the rig has announced more than {CHANGES_MAX} casings and stops within a minute"));
+    }
+}
+
+/// Counts events within a time.
+#[derive(Debug, Default)]
+pub(super) struct Counter {
+    count: u32,
+    since: Option<Instant>,
+}
+
+impl Counter {
+    /// Counts one at `now`; whether there are more than `most` since the present span of length `within` has begun.
+    fn are_more(&mut self, most: u32, within: Duration, now: Instant) -> bool {
+        if self.since.is_none_or(|since| now.duration_since(since) >= within) {
+            *self = Self { count: 0, since: Some(now) };
         }
-        Ok(())
+        self.count += 1;
+        self.count > most
     }
 }
