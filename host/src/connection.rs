@@ -1,10 +1,12 @@
-//! What a connection over a network needs: whether it leaves this machine, and a user's name and password.
+//! What a connection over a network needs: whether it leaves this machine, a user's name and password, and a bound on their number.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::os::fd::AsFd;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use rustix::net::sockopt;
@@ -111,6 +113,53 @@ pub fn end_if_gone(stream: &impl AsFd, after: Duration) {
     }
 }
 
+/// How many connections a server has, in all and of each machine, with bounds: a machine that takes all it gets keeps no other out.
+#[derive(Debug)]
+pub struct Places {
+    most: usize,
+    most_of_one: usize,
+    counts: Mutex<BTreeMap<IpAddr, usize>>,
+}
+
+/// The place of a connection, until this is dropped.
+#[derive(Debug)]
+pub struct Place {
+    places: Arc<Places>,
+    of: IpAddr,
+}
+
+impl Places {
+    /// Places for `most` connections at once, `most_of_one` of them of one machine.
+    pub fn new(most: usize, most_of_one: usize) -> Arc<Self> {
+        Arc::new(Self { most, most_of_one, counts: Mutex::default() })
+    }
+
+    fn counts(&self) -> MutexGuard<'_, BTreeMap<IpAddr, usize>> {
+        self.counts.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A place for a connection of the machine `of`; `None` if there is none.
+    pub fn take(self: &Arc<Self>, of: IpAddr) -> Option<Place> {
+        let mut counts = self.counts();
+        let is_full = counts.values().sum::<usize>() >= self.most;
+        if is_full || counts.get(&of).is_some_and(|&count| count >= self.most_of_one) {
+            return None;
+        }
+        *counts.entry(of).or_default() += 1;
+        Some(Place { places: Arc::clone(self), of })
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        let mut counts = self.places.counts();
+        if let Some(count) = counts.get_mut(&self.of) {
+            *count -= 1;
+        }
+        counts.retain(|_, count| *count > 0);
+    }
+}
+
 /// Whether `host` is this machine: a loopback address, or the one name that always means it.
 pub fn is_this_machine(host: &str) -> bool {
     let address = host.trim_start_matches('[').trim_end_matches(']').parse::<IpAddr>();
@@ -119,9 +168,23 @@ pub fn is_this_machine(host: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::iter::from_fn;
     use std::os::unix::fs::PermissionsExt as _;
 
     use super::*;
+
+    /// Catches a machine that takes all places and keeps the others out, and places that are lost when their connections end.
+    #[test]
+    fn one_machine_does_not_take_all_places() {
+        let places = Places::new(8, 6);
+        let take_all = |last: u8| from_fn(|| places.take([10, 0, 0, last].into())).collect::<Vec<Place>>();
+        let of_one = take_all(1);
+        assert_eq!(of_one.len(), 6);
+        let others: Vec<_> = (2..4).map(take_all).collect();
+        assert_eq!(others.iter().map(Vec::len).sum::<usize>(), 2);
+        drop(of_one);
+        assert_eq!(take_all(1).len(), 6);
+    }
 
     /// Catches a password that others can read, and a file without one.
     #[test]

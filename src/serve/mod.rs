@@ -34,7 +34,7 @@ use axum::{BoxError, Router};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use maud::html;
-use tapline_host::connection::{end_if_gone, listen};
+use tapline_host::connection::{Places, end_if_gone, listen};
 use tapline_wire::now_ns;
 use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, watch};
@@ -45,8 +45,9 @@ use crate::serve::access::{Access, Login};
 use crate::serve::reports::Wanted;
 use crate::shown::status::Status;
 
-/// Most connections at once; more wait in the system's queue.
+/// Most connections at once, and most of one machine; browsers ask again.
 const CONNECTIONS_MAX: usize = 64;
+const OF_ONE_MAX: usize = 48;
 
 /// Most of them that follow the line.
 const FOLLOWERS_MAX: usize = 16;
@@ -149,16 +150,15 @@ impl Drop for Server {
 
 async fn serve(listener: std::net::TcpListener, app: App) -> std::io::Result<()> {
     let listener = TcpListener::from_std(listener)?;
-    let places = Arc::new(Semaphore::new(CONNECTIONS_MAX));
+    let places = Places::new(CONNECTIONS_MAX, OF_ONE_MAX);
     let mut statuses = app.statuses.clone();
     let ended = async { while statuses.changed().await.is_ok() {} };
     tokio::pin!(ended);
     let router = router(app);
     loop {
-        let next = async { (Arc::clone(&places).acquire_owned().await, listener.accept().await) };
-        let (place, stream) = tokio::select! {
-            (place, accepted) = next => match accepted {
-                Ok((stream, _)) => (place, stream),
+        let (stream, from) = tokio::select! {
+            accepted = listener.accept() => match accepted {
+                Ok(accepted) => accepted,
                 Err(error) => {
                     // Too many open files, for example.
                     tracing::debug!(%error, "a viewer cannot connect");
@@ -167,6 +167,12 @@ async fn serve(listener: std::net::TcpListener, app: App) -> std::io::Result<()>
                 }
             },
             () = &mut ended => break,
+        };
+        let Some(place) = places.take(from.ip()) else {
+            tracing::debug!(
+                "{from} is refused: at most {CONNECTIONS_MAX} viewers' connections, {OF_ONE_MAX} of one machine"
+            );
+            continue;
         };
         end_if_gone(&stream, GONE_AFTER);
         let service = TowerToHyperService::new(router.clone());

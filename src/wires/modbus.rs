@@ -6,13 +6,13 @@
 
 use std::collections::BTreeMap;
 use std::future::{Ready, ready};
-use std::net::{IpAddr, SocketAddr};
+use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use anyhow::{Context as _, Result};
-use tapline_host::connection::{end_if_gone, listen};
+use tapline_host::connection::{Place, Places, end_if_gone, listen};
 use tapline_wire::now_ns;
 use tokio::net::{TcpListener, TcpStream};
 use tokio_modbus::server::Service;
@@ -84,7 +84,7 @@ pub(super) fn start(config: &ModbusConfig, plant: &Plant) -> Result<(Wire, Socke
 
 async fn serve(listener: std::net::TcpListener, registers: Arc<Registers>, mut news: News) -> Result<()> {
     let server = Server::new(TcpListener::from_std(listener)?);
-    let (places, has_warned) = (Arc::new(Places::default()), AtomicBool::new(false));
+    let (places, has_warned) = (Places::new(CONNECTIONS_MAX, OF_ONE_MAX), AtomicBool::new(false));
     let client = |stream: TcpStream, from: SocketAddr| {
         end_if_gone(&stream, GONE_AFTER);
         let place = places.take(from.ip());
@@ -117,44 +117,6 @@ async fn serve(listener: std::net::TcpListener, registers: Arc<Registers>, mut n
         () = fill => {}
     }
     Ok(())
-}
-
-/// How many connections each machine has.
-#[derive(Debug, Default)]
-struct Places(Mutex<BTreeMap<IpAddr, usize>>);
-
-/// The place of a connection, until it ends.
-#[derive(Debug)]
-struct Place {
-    places: Arc<Places>,
-    of: IpAddr,
-}
-
-impl Places {
-    fn counts(&self) -> MutexGuard<'_, BTreeMap<IpAddr, usize>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// A place for a connection of the machine `of`; `None` if there is none.
-    fn take(self: &Arc<Self>, of: IpAddr) -> Option<Place> {
-        let mut counts = self.counts();
-        let is_full = counts.values().sum::<usize>() >= CONNECTIONS_MAX;
-        if is_full || counts.get(&of).is_some_and(|&count| count >= OF_ONE_MAX) {
-            return None;
-        }
-        *counts.entry(of).or_default() += 1;
-        Some(Place { places: Arc::clone(self), of })
-    }
-}
-
-impl Drop for Place {
-    fn drop(&mut self) {
-        let mut counts = self.places.counts();
-        if let Some(count) = counts.get_mut(&self.of) {
-            *count -= 1;
-        }
-        counts.retain(|_, count| *count > 0);
-    }
 }
 
 /// A connection.
@@ -293,25 +255,5 @@ impl Waiting {
 fn fill_number(registers: &mut [u16], number: u64) {
     for (register, pair) in registers.iter_mut().zip(number.to_be_bytes().as_chunks().0) {
         *register = u16::from_be_bytes(*pair);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::iter::from_fn;
-
-    use super::*;
-
-    /// Catches a machine that takes all places and keeps the controllers out, and places that are lost when their connections end.
-    #[test]
-    fn one_machine_does_not_take_all_places() {
-        let places = Arc::new(Places::default());
-        let take_all = |last: u8| from_fn(|| places.take([10, 0, 0, last].into())).collect::<Vec<Place>>();
-        let of_one = take_all(1);
-        assert_eq!(of_one.len(), OF_ONE_MAX);
-        let others: Vec<_> = (2..4).map(take_all).collect();
-        assert_eq!(others.iter().map(Vec::len).sum::<usize>(), CONNECTIONS_MAX - OF_ONE_MAX);
-        drop(of_one);
-        assert_eq!(take_all(1).len(), OF_ONE_MAX);
     }
 }
