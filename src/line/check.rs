@@ -4,10 +4,11 @@ use std::io::Write as _;
 use std::path::Path;
 
 use anyhow::{Result, bail, ensure};
+use jiff::ToSpan as _;
 use tapline_acquire::{ScanConfig, StationConfig, StationSource};
 use tapline_fuse::Reference;
 use tapline_host::stdout::Stdout;
-use tapline_wire::Recording;
+use tapline_wire::{Certificate, Recording};
 
 use crate::cli::built_without;
 use crate::config::Config;
@@ -21,6 +22,9 @@ use crate::wires;
 const OTHER_REFERENCES: &str = "Make a reference file of casings that are known to be sound (`tapline reference FOLDER --out \
      sound.json`) and give `--reference sound.json`; to compare each casing with itself, give `--reference self` (damage all \
      round does not show then)";
+
+/// How long before its end a calibration is called for, in days.
+const CALIBRATION_ENDS_SOON: i64 = 15;
 
 /// `tapline config --check`: checks the configuration at `path`, and prints what else a run or a line needs.
 pub(crate) fn check_config(path: &Path) -> Result<bool> {
@@ -136,7 +140,9 @@ pub(super) fn remark_on_scan(scan: &ScanConfig) {
 
 /// Checks that stations that listen have a valid calibration if no casing passes without one; otherwise only warns.
 fn check_calibrations(job: &Job) -> Result<()> {
-    let today = jiff::Timestamp::now().to_zoned(jiff::tz::TimeZone::UTC).date().to_string();
+    let today = jiff::Timestamp::now().to_zoned(jiff::tz::TimeZone::UTC).date();
+    let soon = today.saturating_add(CALIBRATION_ENDS_SOON.days()).to_string();
+    let today = today.to_string();
     for station in job.config.station.iter().filter(|station| station.device.is_some()) {
         let Recording { channels, calibration, .. } = station.heard_with(&job.config.capture)?.recording();
         for channel in channels {
@@ -145,10 +151,15 @@ fn check_calibrations(job: &Job) -> Result<()> {
                 Some(certificate) if certificate.date > today => {
                     format!("has a calibration of {}; today is {today}", certificate.date)
                 }
-                Some(certificate) => match certificate.valid_until.as_ref().filter(|until| **until < today) {
-                    Some(until) => format!("has a calibration that was valid until {until}; today is {today}"),
-                    None => continue,
-                },
+                Some(Certificate { valid_until: Some(until), .. }) if *until < today => {
+                    format!("has a calibration that was valid until {until}; today is {today}")
+                }
+                Some(Certificate { valid_until: Some(until), .. }) if *until < soon => {
+                    let (channel, number) = (channel.name(), station.number);
+                    tracing::warn!("the {channel} of station {number} has a calibration that ends on {until}");
+                    continue;
+                }
+                Some(_) => continue,
             };
             let fault = format!("the {} of station {} {fault}", channel.name(), station.number);
             ensure!(!job.config.fuse.requires_calibration, "{fault}, and fuse.requires_calibration is set");

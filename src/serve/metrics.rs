@@ -31,6 +31,9 @@ pub(super) const CONTENT: &str = "application/openmetrics-text; version=1.0.0; c
 /// How long a disk may take to report its free space.
 const DISK_WITHIN: Duration = Duration::from_millis(500);
 
+/// A day, in seconds.
+const DAY_S: f64 = 86_400.0;
+
 /// Names of labels with their values.
 type Labels = Vec<(&'static str, String)>;
 
@@ -153,6 +156,11 @@ fn of_stations(registry: &mut Registry, status: &Status) {
     let ages = status.stations.iter().filter_map(|of| Some((vec![station(of)], age_s(of.calibrated_on.as_deref()?)?)));
     let name = ("calibration_age", Some(Unit::Seconds));
     measured(registry, name, "Age of the oldest calibration that the last casing was judged with", ages);
+    // The last day counts whole.
+    let ends =
+        status.stations.iter().filter_map(|of| Some((vec![station(of)], DAY_S - age_s(of.calibration_ends.as_deref()?)?)));
+    let name = ("calibration_left", Some(Unit::Seconds));
+    measured(registry, name, "Time until the calibration that ends first is no longer valid; negative afterwards", ends);
 }
 
 fn of_stages(registry: &mut Registry, status: &Status) {

@@ -67,6 +67,8 @@ pub(crate) struct StationStatus {
     pub signs: Vec<Sign>,
     /// Day of the oldest calibration that its last casing was judged by, as `2026-11-24`.
     pub calibrated_on: Option<String>,
+    /// Last day of the calibration that ends first, likewise; `None` if none ends.
+    pub calibration_ends: Option<String>,
     /// Whether a calibration is not known to be valid on the day of its taps.
     pub is_calibration_out_of_date: bool,
 }

@@ -258,14 +258,18 @@ pub(crate) fn since_last_tap_s(reader: &Reader) -> Result<Option<f64>> {
     Ok(sent_ns.map(|sent_ns| monotonic_ns().saturating_sub(sent_ns) as f64 / 1e9))
 }
 
-/// Day of the casing's oldest calibration certificate, and whether one was out of date; computed samples need none.
-pub(crate) fn calibration(reader: &Reader) -> (Option<String>, bool) {
+/// Day of the casing's oldest calibration certificate, the last day of the one that ends first, and whether one was out of date;
+/// computed samples need none.
+pub(crate) fn calibration(reader: &Reader) -> (Option<String>, Option<String>, bool) {
     let recording = &reader.plan().recording;
     let channels = Channel::BOTH;
     let computed = Calibration::computed();
-    let certificates = channels.iter().filter_map(|&channel| {
+    let certificate = |&channel: &Channel| {
         let certificate = recording.calibration.of(channel).certificate.as_ref();
         certificate.filter(|_| recording.calibration.of(channel) != computed.of(channel))
-    });
-    (certificates.map(|certificate| certificate.date.clone()).min(), recording.calibration.is_out_of_date(&channels))
+    };
+    let certificates = || channels.iter().filter_map(certificate);
+    let begun = certificates().map(|certificate| certificate.date.clone()).min();
+    let ends = certificates().filter_map(|certificate| certificate.valid_until.clone()).min();
+    (begun, ends, recording.calibration.is_out_of_date(&channels))
 }

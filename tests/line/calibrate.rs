@@ -198,7 +198,7 @@ fn a_calibration_goes_with_the_taps() {
 }
 
 /// Catches a line that begins without a calibration that a station names, or by a reference that no casing of it can be compared
-/// with, and one that is refused although its stations hear what the reference is of.
+/// with, one that is refused although its stations hear what the reference is of, and a calibration that ends unannounced.
 #[test]
 fn a_line_begins_only_with_what_its_stations_need() {
     let sandbox = tap_set();
@@ -234,7 +234,10 @@ fn a_line_begins_only_with_what_its_stations_need() {
     );
     sandbox.write("plant.toml", &plant);
     sandbox.write("station.toml", &fresh);
+    let ten_days = "--full-scale-v 5 --sensitivity-mv 22.5 --valid-days 10 --force";
+    sandbox.run(&format!("calibrate state --channel force {ten_days} --out station.toml")).expect(0);
     let mut line = Running::start(&sandbox, "line --config plant.toml --out out --reference sound.json");
+    line.wait_for_log(&["the force of station 1 has a calibration that ends on 20"]);
     line.wait_for_log(&["station 1", "nowhere", "not heard"]);
     line.interrupt().expect(0);
 }

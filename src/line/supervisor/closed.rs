@@ -168,7 +168,7 @@ impl Supervisor<'_> {
             station.tally.add(verdict, last.retaken);
             station.last = Some(last);
             station.whole = Whole::median(verdict.shoulders.iter().map(|shoulder| &shoulder.whole));
-            (station.calibrated_on, station.is_calibration_out_of_date) = calibration(reader);
+            (station.calibrated_on, station.calibration_ends, station.is_calibration_out_of_date) = calibration(reader);
         }
         self.watch_rig(verdict);
     }

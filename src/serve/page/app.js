@@ -275,8 +275,10 @@
     put(parts.waits, waits);
     const before = isLive && !verdict ? verdictOf(station) : undefined;
     keyed(parts.before, before ? before.casing + before.at_ns : '', () => (before ? ['Previous: ', sign(kindOf(before.verdict)), ` ${before.casing} ${before.verdict}, at ${moment(before.at_ns)}`] : []));
+    const daysLeft = (Date.parse(station.calibration_ends) - Date.now()) / 86400e3 + 1;
     const due = station.is_calibration_out_of_date
-      ? [`▲ The calibration of ${station.calibrated_on ?? 'this station'} is not known to be valid on the day of the last casing`] : [];
+      ? [`▲ The calibration of ${station.calibrated_on ?? 'this station'} is not known to be valid on the day of the last casing`]
+      : daysLeft < 15 ? [`▲ Calibrate this station: its calibration ends on ${station.calibration_ends}`] : [];
     const signs = station.signs.map((of) => `▲ Check the rig: ${of.name} on ${of.count} casings, ${of.first} to ${of.last}${of.detail ? `: ${of.detail}` : ''}`);
     keyed(parts.due, JSON.stringify([due, signs]), () => [...due, ...signs].map((text) => make('p', {}, text)));
     return parts.article;
