@@ -30,7 +30,6 @@ use serde::{Deserialize, Serialize};
 pub use error::{Error, Result};
 pub use tap_set::writer::{Scales, TapSetWriter, write_wav};
 pub use taps::{ListedTap, TapCounts, TapFolder};
-pub use uff::UffEncoding;
 
 use crate::csv_file::CsvFile;
 use crate::mat::Mat;
@@ -77,7 +76,7 @@ pub enum TapFormat {
     /// A tap set, with one WAV per tap, and with the configuration of the run and the reference that it had.
     Wav,
     /// Universal Files.
-    Uff(UffEncoding),
+    Uff,
     /// MATLAB files.
     Mat,
 }
@@ -93,7 +92,7 @@ impl TapFormat {
         match self {
             Self::Wav => archives.try_for_each(|reader| members.check(&reader)),
             // Each shoulder has a file of its own.
-            Self::Uff(_) | Self::Mat => Ok(()),
+            Self::Uff | Self::Mat => Ok(()),
         }
     }
 
@@ -104,7 +103,7 @@ impl TapFormat {
     pub fn begin(self, folder: &Path) -> Result<Box<dyn TapFolder>> {
         Ok(match self {
             Self::Wav => Box::new(TapSetFolder::begin(folder)?),
-            Self::Uff(encoding) => Box::new(ScanFiles::begin(folder, Uff(encoding))?),
+            Self::Uff => Box::new(ScanFiles::begin(folder, Uff)?),
             Self::Mat => Box::new(ScanFiles::begin(folder, Mat)?),
         })
     }

@@ -1,4 +1,4 @@
-//! The taps of an archive as Universal Files: dataset 58, functions of time, in SI units.
+//! The taps of an archive as Universal Files: dataset 58b, functions of time in single precision, in SI units.
 //!
 //! A file begins with datasets 151 (header) and 164 (SI units); then every
 //! channel of every tap is a dataset, in its unit, with time 0 at the trigger. This format has six digits for the
@@ -20,18 +20,12 @@ use crate::taps::scan_files::{List, ScanFormat};
 use crate::taps::{ListedTap, Taps, known, physical};
 use tapline_store::Reader;
 
-/// The encoding of values in dataset 58.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum UffEncoding {
-    /// Dataset 58b: single precision, little-endian: 4 bytes for each sample, with more digits than 16 bits have.
-    Binary,
-    /// Dataset 58: text of 12 digits, 20 bytes for each sample.
-    Ascii,
-}
+/// Single precision, as dataset 58 numbers it.
+const SINGLE: u32 = 2;
 
 /// Universal Files; the part of a tap is the number of its first dataset 58.
 #[derive(Debug)]
-pub(crate) struct Uff(pub(crate) UffEncoding);
+pub(crate) struct Uff;
 
 impl ScanFormat for Uff {
     const ENDING: &'static str = "uff";
@@ -55,7 +49,7 @@ impl ScanFormat for Uff {
                     let values = physical(samples, k, header.sample_count as usize, unit_per_count);
                     let reader = taps.reader();
                     let function = Function { reader, tap: &tap, header, channel, number: function_count };
-                    function.write(&mut out, self.0, &values).context("write", path)?;
+                    function.write(&mut out, &values).context("write", path)?;
                 }
             }
             list(&tap, &part)?;
@@ -98,35 +92,29 @@ struct Function<'a> {
 }
 
 impl Function<'_> {
-    fn write(&self, out: &mut impl Write, encoding: UffEncoding, values: &[f64]) -> io::Result<()> {
-        write!(out, "{:6}\n{:6}", -1, 58)?;
-        match encoding {
-            UffEncoding::Ascii => writeln!(out, "{:74}", "")?,
-            // Little-endian, IEEE 754, 11 lines of text before the values.
-            UffEncoding::Binary => {
-                writeln!(out, "b{:6}{:6}{:12}{:12}{:6}{:6}{:12}{:12}", 1, 2, 11, 4 * values.len(), 0, 0, 0, 0)?;
-            }
-        }
+    fn write(&self, out: &mut impl Write, values: &[f64]) -> io::Result<()> {
+        // Little-endian, IEEE 754, 11 lines of text before the values.
+        writeln!(
+            out,
+            "{:6}\n{:6}b{:6}{:6}{:12}{:12}{:6}{:6}{:12}{:12}",
+            -1,
+            58,
+            1,
+            2,
+            11,
+            4 * values.len(),
+            0,
+            0,
+            0,
+            0
+        )?;
         for line in self.id_lines() {
             writeln!(out, "{:<80}", plain(&line, 80))?;
         }
-        self.write_form(out, encoding, values.len())?;
-        match encoding {
-            UffEncoding::Binary => {
-                for &value in values {
-                    #[expect(
-                        clippy::cast_possible_truncation,
-                        reason = "24 bits hold a 16-bit count's value finely enough"
-                    )]
-                    out.write_all(&(value as f32).to_le_bytes())?;
-                }
-            }
-            UffEncoding::Ascii => {
-                for line in values.chunks(4) {
-                    let cells: String = line.iter().map(|&value| exponent(value, 20, 11, 'E')).collect();
-                    writeln!(out, "{cells}")?;
-                }
-            }
+        self.write_form(out, values.len())?;
+        for &value in values {
+            #[expect(clippy::cast_possible_truncation, reason = "24 bits hold a 16-bit count's value finely enough")]
+            out.write_all(&(value as f32).to_le_bytes())?;
         }
         writeln!(out, "{:6}", -1)
     }
@@ -164,7 +152,7 @@ impl Function<'_> {
     }
 
     /// Records 6 to 11: degree of freedom, number and spacing of values, and the axes.
-    fn write_form(&self, out: &mut impl Write, encoding: UffEncoding, value_count: usize) -> io::Result<()> {
+    fn write_form(&self, out: &mut impl Write, value_count: usize) -> io::Result<()> {
         let (id, header) = (&self.header.id, self.header);
         // A time response; the node is the location, counted from 0; direction 0 is a scalar.
         let (version, location) = (id.repetition, id.location);
@@ -173,11 +161,10 @@ impl Function<'_> {
             "{:5}{:10}{:5}{:10} {:10}{location:10}{:4} {:10}{location:10}{:4}",
             1, self.number, version, 0, "NONE", 0, "NONE", 0
         )?;
-        let kind = if encoding == UffEncoding::Binary { 2 } else { 4 };
         let step_s = 1.0 / header.sample_rate_hz;
         let first_s = -f64::from(header.pre_trigger_samples) * step_s;
         let numbers: String = [first_s, step_s, 0.0].map(|value| exponent(value, 13, 5, 'E')).concat();
-        writeln!(out, "{kind:10}{value_count:10}{:10}{numbers}", 1)?;
+        writeln!(out, "{:10}{value_count:10}{:10}{numbers}", SINGLE, 1)?;
         // Types: 17 time, 13 excitation force, 15 pressure, 0 a type that the list lacks.
         let unit = self.reader.plan().recording.calibration.unit(self.channel);
         let (kind, label) = match (self.channel, unit) {

@@ -8,19 +8,20 @@ use tapline_testing::documents::{csv_rows, docs, text};
 const FIGURES: [&str; 10] =
     ["fig60", "fig61", "fig62", "fig63-64", "fig66-67", "fig68", "fig69", "fig70-71", "fig73-75", "fig76"];
 
-/// Catches a committed page, table or list of claims that went stale, and a figure without a file.
+/// Catches a committed page or list of claims that went stale, and a figure without a file.
 ///
-/// Numbers are written to three digits or nine; transforms differ in their last from machine to machine.
+/// Numbers are written to three digits; transforms differ in their last from machine to machine.
 #[test]
 fn what_is_committed_is_what_the_program_finds() {
     let sandbox = Sandbox::new();
     let printed = sandbox.run("experiment --out experiment").expect(0).out;
     let (kept, made) = (files(&docs("experiment")), files(&sandbox.path("experiment")));
-    assert_eq!(kept.keys().collect::<Vec<_>>(), made.keys().collect::<Vec<_>>());
+    // The tables of the pictures are not kept.
+    let is_kept = |name: &&String| !name.starts_with("fig") || name.ends_with(".svg");
+    assert_eq!(kept.keys().collect::<Vec<_>>(), made.keys().filter(is_kept).collect::<Vec<_>>());
     assert_eq!((printed.lines().count(), made.len()), (2 * FIGURES.len() + 2, 2 * FIGURES.len() + 2));
-    for (name, made) in made.iter().filter(|(name, _)| !name.ends_with(".svg")) {
-        let tolerance = if name.starts_with("fig76") || !name.starts_with("fig") { 0.011 } else { 1e-6 };
-        if let Some(difference) = difference(&kept[name], made, tolerance) {
+    for name in ["claims.csv", "experiment.md"] {
+        if let Some(difference) = difference(&kept[name], &made[name], |number| 0.011 * number.abs()) {
             panic!("{name}: {difference}: run `tapline-lab experiment --out docs/experiment --force`");
         }
     }
@@ -79,21 +80,18 @@ fn verdicts_hang_on_the_seed_only_where_the_page_says_so() {
     assert!(same.is_empty(), "{same:?}");
 }
 
-/// Catches a picture that is no XML, does not say what it shows, or is too large to keep; all files together too.
+/// Catches a picture that is no XML, does not say what it shows, or is too large to keep.
 #[test]
 fn pictures_are_small_and_whole() {
-    let mut bytes = 0;
     for (name, text) in files(&docs("experiment")) {
-        bytes += text.len();
         if let Some(name) = name.strip_suffix(".svg") {
             assert!(FIGURES.contains(&name), "{name}");
             assert!(text.starts_with("<svg ") && text.ends_with("</svg>\n"), "{name}");
             let number = name.trim_start_matches("fig").split('-').next().unwrap();
             assert!(text.contains(&format!("Fig. {number}")) || text.contains(&format!("Figs. {number}")), "{name}");
-            assert!(!text.contains("NaN") && !text.contains("inf"), "{name}");
+            assert!(!text.contains("NaN") && !text.contains("inf") && text.len() < 200_000, "{name}");
         }
     }
-    assert!(bytes < 1_500_000, "{bytes}");
 }
 
 /// Catches a folder without a name, beside which no page can stand.

@@ -40,10 +40,10 @@ pub(crate) fn files(folder: &Path) -> BTreeMap<String, String> {
         .collect()
 }
 
-/// The first place at which two texts differ by more than `tolerance` in a number, or at all in anything else.
-pub(crate) fn difference(kept: &str, made: &str, tolerance: f64) -> Option<String> {
+/// The first place at which two texts differ in a number by more than is `allowed` of it, or at all in anything else.
+pub(crate) fn difference(kept: &str, made: &str, allowed: impl Fn(f64) -> f64) -> Option<String> {
     let words = |text: &str| -> Vec<String> {
-        let is_between = |c: char| c.is_whitespace() || matches!(c, ',' | ';' | '|' | ':');
+        let is_between = |c: char| c.is_whitespace() || matches!(c, ',' | ';' | '|' | ':' | '"');
         text.split(is_between).filter(|word| !word.is_empty()).map(str::to_owned).collect()
     };
     let (kept, made) = (words(kept), words(made));
@@ -51,7 +51,7 @@ pub(crate) fn difference(kept: &str, made: &str, tolerance: f64) -> Option<Strin
         return Some(format!("{} words are now {}", kept.len(), made.len()));
     }
     let differs = |(kept, made): &(&String, &String)| match (kept.parse::<f64>(), made.parse::<f64>()) {
-        (Ok(kept), Ok(made)) => (kept - made).abs() > tolerance * kept.abs(),
+        (Ok(kept), Ok(made)) => (kept - made).abs() > allowed(kept),
         _ => kept != made,
     };
     kept.iter().zip(&made).find(differs).map(|(kept, made)| format!("{kept} is now {made}"))

@@ -96,7 +96,7 @@ impl Archives {
             // Casings of two days may have the same name.
             let below = root.strip_prefix(&shared).unwrap_or(root);
             let named = files.into_iter().map(|file| ArchiveFile { name: below.join(&file.name), ..file });
-            // The same file by another path, or named as well as its folder.
+            // Named twice: by another path, or itself and its folder.
             found
                 .files
                 .extend(named.filter(|file| known.insert(file.path.canonicalize().unwrap_or(file.path.clone()))));

@@ -151,7 +151,7 @@ A table as parquet has the columns and rows of the csv, typed, with units; sets 
 Taps as wav are a tap set: `tapline run --taps FOLDER --config FOLDER/config.toml` scans them again. Archives whose \
 recordings or configurations differ are exported one by one.
 
-Taps as uff are one file for each shoulder, dataset 58b (uff-ascii: 58); as mat one file for each shoulder, with the \
+Taps as uff are one file for each shoulder, dataset 58b; as mat one file for each shoulder, with the \
 matrices force and sound, which have a column for each tap. Both name the units; FS is part of full scale, where the scale \
 is not known.
 
@@ -186,8 +186,6 @@ pub(crate) enum Format {
     Wav,
     /// Taps as Universal Files, dataset 58b.
     Uff,
-    /// Taps as Universal Files, dataset 58.
-    UffAscii,
     /// Taps as MATLAB files of version 7.
     Mat,
 }

@@ -22,7 +22,7 @@ pub(crate) enum CalibrateVerb {
         #[command(flatten)]
         heard: HeardArgs,
         #[command(flatten)]
-        written: WrittenArgs,
+        written: CalibrationFileArgs,
     },
     /// Sound, by the tone of an acoustic calibrator.
     Tone {
@@ -38,7 +38,7 @@ pub(crate) enum CalibrateVerb {
         #[command(flatten)]
         heard: HeardArgs,
         #[command(flatten)]
-        written: WrittenArgs,
+        written: CalibrationFileArgs,
     },
     /// Either channel, by data sheets: sensitivity of the sensor, gain, and voltage of a full-scale sample.
     State {
@@ -58,7 +58,7 @@ pub(crate) enum CalibrateVerb {
         #[arg(long)]
         date: Option<Date>,
         #[command(flatten)]
-        written: WrittenArgs,
+        written: CalibrationFileArgs,
     },
 }
 
@@ -78,7 +78,7 @@ pub(crate) struct HeardArgs {
 
 /// Where the calibration is kept.
 #[derive(Debug, Args)]
-pub(crate) struct WrittenArgs {
+pub(crate) struct CalibrationFileArgs {
     /// The calibration file of the station; its other channel stays as it is.
     #[arg(long)]
     pub out: PathBuf,

@@ -23,7 +23,7 @@ const UNSTEADY: (usize, Duration) = (3, Duration::from_secs(60));
 /// A stage that has not looked for work for so long is held up: each does at least once a second.
 const SILENT_AFTER: Duration = Duration::from_secs(5);
 
-/// The same before it looks for the first time: it reads the reference, opens its files and finds the others.
+/// The same limit for its start, when it reads the reference, opens files and finds the other stages.
 const STARTS_WITHIN: Duration = Duration::from_secs(60);
 
 /// A stage of the line, across restarts.

@@ -157,10 +157,17 @@ fn of_stations(registry: &mut Registry, status: &Status) {
     let name = ("calibration_age", Some(Unit::Seconds));
     measured(registry, name, "Age of the oldest calibration that the last casing was judged with", ages);
     // The last day counts whole.
-    let ends =
-        status.stations.iter().filter_map(|of| Some((vec![station(of)], DAY_S - age_s(of.calibration_ends.as_deref()?)?)));
+    let ends = status
+        .stations
+        .iter()
+        .filter_map(|of| Some((vec![station(of)], DAY_S - age_s(of.calibration_ends.as_deref()?)?)));
     let name = ("calibration_left", Some(Unit::Seconds));
-    measured(registry, name, "Time until the calibration that ends first is no longer valid; negative afterwards", ends);
+    measured(
+        registry,
+        name,
+        "Time until the calibration that ends first is no longer valid; negative afterwards",
+        ends,
+    );
 }
 
 fn of_stages(registry: &mut Registry, status: &Status) {

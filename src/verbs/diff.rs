@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail};
+use anyhow::{Result, bail, ensure};
 use serde::Serialize;
 use serde_json::json;
 use tapline_host::messages::counted;
@@ -16,32 +16,33 @@ use crate::archives::{ArchiveFile, Archives, Which};
 use crate::config::lineage::shown_value;
 use crate::verbs::explain::print;
 
-/// Prints what changed from the results at `before` to those at `after`: lineage first, then numbers. Casings of folders whose numbers
-/// are the same are only counted. The casings of two folders are paired by their paths in these, as serials repeat from day to day; beside a
-/// single file, only the casing of its name counts in the other's folder. `which` says which files of the folder `after` are taken.
+/// Prints what changed from the results at `before` to those at `after`, two files or two folders: lineage first, then numbers. Casings of
+/// folders are paired by their paths in these, because serials repeat, and only counted if their numbers are the same. `which` says
+/// which files of the folder `after` are taken.
 pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> Result<bool> {
     if !before.is_dir() && !after.is_dir() {
         let difference = Difference::between(before, after)?;
         print(&if as_json { line_of(&difference)? } else { difference.to_string() })?;
         return Ok(true);
     }
-    let (mut befores, mut afters) = (Archives::find(&[before], Which::Casings)?, Archives::find(&[after], which)?);
-    let are_folders = before.is_dir() && after.is_dir();
-    if !are_folders {
-        keep_alike(&mut befores, &mut afters)?;
-    }
-    let key = |file: &ArchiveFile| if are_folders { file.archive() } else { PathBuf::from(file.casing()) };
-    let mut partners: BTreeMap<PathBuf, &ArchiveFile> = afters.files.iter().map(|file| (key(file), file)).collect();
+    ensure!(
+        before.is_dir() && after.is_dir(),
+        "{} and {}: two files are compared, or two folders",
+        before.display(),
+        after.display()
+    );
+    let (befores, afters) = (Archives::find(&[before], Which::Casings)?, Archives::find(&[after], which)?);
+    let mut partners: BTreeMap<PathBuf, &ArchiveFile> =
+        afters.files.iter().map(|file| (file.archive(), file)).collect();
     let alone = |file: &ArchiveFile| {
         let path = file.path.display().to_string();
         print(&if as_json { format!("{}\n", json!({ "alone": path })) } else { format!("{path}: without a partner\n") })
     };
-    befores.is_many = true;
     let mut work = Work::on(&befores);
     let (mut compared_count, mut same_count, mut changed) = (0, 0, Vec::new());
     for file in &befores.files {
         work.begin(file);
-        let Some(other) = partners.remove(&key(file)) else {
+        let Some(other) = partners.remove(&file.archive()) else {
             work.beside(|| alone(file))?;
             work.note(false);
             continue;
@@ -83,18 +84,6 @@ pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> 
     work.end()
 }
 
-/// One of the two is a file: keeps of the other, a folder, only the casing of the same name.
-fn keep_alike(befores: &mut Archives, afters: &mut Archives) -> Result<()> {
-    let (of_file, of_folder) = if afters.is_many { (befores, afters) } else { (afters, befores) };
-    let Some(file) = of_file.files.first() else { return Ok(()) };
-    of_folder.files.retain(|other| other.casing() == file.casing());
-    if let [one, other, ..] = &of_folder.files[..] {
-        let (one, other, file) = (one.path.display(), other.path.display(), file.path.display());
-        bail!("the partner of {file} may be {one} or {other}: name one of them instead of their folder");
-    }
-    Ok(())
-}
-
 fn line_of(difference: &Difference) -> Result<String> {
     Ok(format!("{}\n", serde_json::to_string(difference)?))
 }
@@ -124,8 +113,8 @@ struct DiscriminatorDifference {
     name: &'static str,
     /// Taps whose values differ.
     differ: usize,
-    /// At most by which part of the value before.
-    relative_max: f64,
+    /// At most by which part of the value before; `None` if none of them had one other than 0 before, and has one after.
+    relative_max: Option<f64>,
 }
 
 /// How a verdict changed; absent where a shoulder is not judged.
@@ -245,14 +234,17 @@ fn what_differs(a: &[TapId], b: &[TapId]) -> String {
 
 impl DiscriminatorDifference {
     fn of<'a>(which: Discriminator, both: impl Iterator<Item = (&'a Discriminators, &'a Discriminators)>) -> Self {
-        let (mut differ, mut relative_max) = (0, 0.0);
+        let (mut differ, mut relative_max) = (0, None);
         for (a, b) in both {
             let (a, b) = (a.values.get(which), b.values.get(which));
             if a.map(f64::to_bits) != b.map(f64::to_bits) {
                 differ += 1;
-                if let (Some(a), Some(b)) = (a, b) {
+                if let (Some(a), Some(b)) = (a, b)
+                    && a.abs() > 0.0
+                {
                     let relative = (b - a).abs() / a.abs();
-                    relative_max = if relative > relative_max { relative } else { relative_max };
+                    relative_max =
+                        Some(relative_max.map_or(relative, |max| if relative > max { relative } else { max }));
                 }
             }
         }
@@ -329,9 +321,10 @@ impl fmt::Display for Difference {
             writeln!(f, "taps       {} are in only one of them", self.taps_alone)?;
         }
         for DiscriminatorDifference { name, differ, relative_max } in &self.discriminators {
-            match differ {
-                0 => writeln!(f, "{name:<10} the same")?,
-                _ => writeln!(f, "{name:<10} {differ} differ, by {} of their value at most", plain(*relative_max))?,
+            match (differ, relative_max) {
+                (0, _) => writeln!(f, "{name:<10} the same")?,
+                (_, None) => writeln!(f, "{name:<10} {differ} differ")?,
+                (_, Some(max)) => writeln!(f, "{name:<10} {differ} differ, by {} of their value at most", plain(*max))?,
             }
         }
         if self.flags_differ > 0 {

@@ -7,7 +7,7 @@ use std::path::Path;
 use anyhow::{Result, bail};
 use clap::ValueEnum;
 use serde_json::json;
-use tapline_export::{Error, Export, TableFile, TapCounts, TapFormat, UffEncoding};
+use tapline_export::{Error, Export, TableFile, TapCounts, TapFormat};
 use tapline_host::atomic_file::{check_writable, write_atomically};
 use tapline_host::messages::counted;
 use tapline_host::signals::note_folder;
@@ -24,7 +24,7 @@ use crate::cli::built_without;
 const OF_TABLES: [Format; 2] = [Format::Csv, Format::Parquet];
 
 /// Formats of the taps.
-const OF_TAPS: [Format; 4] = [Format::Wav, Format::Uff, Format::UffAscii, Format::Mat];
+const OF_TAPS: [Format; 3] = [Format::Wav, Format::Uff, Format::Mat];
 
 /// Exports; whether nothing was missing.
 pub(crate) fn export(args: &ExportArgs) -> Result<bool> {
@@ -128,8 +128,7 @@ fn taps(args: &ExportArgs) -> Result<bool> {
 
 fn tap_format(format: Format) -> TapFormat {
     match format {
-        Format::Uff => TapFormat::Uff(UffEncoding::Binary),
-        Format::UffAscii => TapFormat::Uff(UffEncoding::Ascii),
+        Format::Uff => TapFormat::Uff,
         Format::Mat => TapFormat::Mat,
         _ => TapFormat::Wav,
     }

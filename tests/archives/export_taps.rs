@@ -238,7 +238,7 @@ fn what_cannot_be_exported_is_said() {
             assert!(done.err.contains(part), "{part:?} is not in {:?}", done.err);
         }
     };
-    fails("export run.h5 taps --format csv --out x", &["--format csv", "taps", "wav or uff or uff-ascii or mat"]);
+    fails("export run.h5 taps --format csv --out x", &["--format csv", "taps", "wav or uff or mat"]);
     fails("export run.h5 damage --format uff --out x", &["--format uff", "damage", "csv or parquet"]);
     fails("export run.h5 taps", &["--out"]);
     fs::create_dir(sandbox.path("full")).unwrap();

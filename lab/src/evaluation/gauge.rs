@@ -7,14 +7,14 @@ use crate::shoulder_result::ShoulderResult;
 
 /// What is read of a scan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Reading {
+pub(crate) enum GaugedBy {
     /// A shoulder is a part, read by its strongest arc: a verdict rests on it.
     StrongestArc,
     /// A location is a part. Most are sound, and the index of a sound one is scatter in units of its own standard deviation.
     DamageIndex,
 }
 
-impl Reading {
+impl GaugedBy {
     pub(crate) const ALL: [Self; 2] = [Self::StrongestArc, Self::DamageIndex];
 
     pub(crate) fn name(self) -> &'static str {

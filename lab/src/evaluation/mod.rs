@@ -13,6 +13,6 @@ pub(crate) use areas::{Areas, FALSE_ALARMS, FoundAt, TYRES_MIN};
 pub(crate) use call::Call;
 pub(crate) use detection::{DETECTION_COLUMNS, Detection, Target};
 pub(crate) use draw::{HALF_BOX, Key, Mark, Picture, Plot, axis, keys};
-pub(crate) use gauge::{GAUGE_COLUMNS, Reading, gauge_cells};
+pub(crate) use gauge::{GAUGE_COLUMNS, GaugedBy, gauge_cells};
 pub(crate) use page::{files_of, page_of, print_tables};
 pub(crate) use table::{Cell, Table, cell, ends, rounded, yes_or_no};

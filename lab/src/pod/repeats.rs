@@ -1,10 +1,10 @@
 //! Gauge study of casings that were scanned again: stations are the operators, whole scans the repeats.
 //!
-//! Parts are shoulders, read by their strongest arc, and locations, read by their damage index: see [`Reading`].
+//! Parts are shoulders, read by their strongest arc, and locations, read by their damage index: see [`GaugedBy`].
 
 use std::collections::BTreeMap;
 
-use crate::evaluation::{GAUGE_COLUMNS, Reading, Table, gauge_cells};
+use crate::evaluation::{GAUGE_COLUMNS, GaugedBy, Table, gauge_cells};
 use crate::statistics::{Crossed, Gauge, crossed, one_way};
 
 use super::archives::{Scanned, Scans};
@@ -38,7 +38,7 @@ pub(super) fn repeated(scans: &Scans) -> Vec<Repeated> {
         again.extend(Some(at).filter(|at| !at.is_empty()));
     }
     let mut studies = Vec::new();
-    for reading in Reading::ALL {
+    for reading in GaugedBy::ALL {
         if let Some(stations) = shared_stations(&again) {
             studies.push(Repeated::across(reading, &again, stations));
         }
@@ -64,7 +64,7 @@ fn shared_stations(again: &[AtStation<'_>]) -> Option<Vec<u16>> {
 
 impl Repeated {
     /// The same shoulders, read again at each of `stations`.
-    fn across(reading: Reading, again: &[AtStation<'_>], stations: Vec<u16>) -> Self {
+    fn across(reading: GaugedBy, again: &[AtStation<'_>], stations: Vec<u16>) -> Self {
         let shared: Vec<Vec<&[&Scanned]>> = (again.iter())
             .filter_map(|at| stations.iter().map(|station| at.get(station).map(Vec::as_slice)).collect())
             .collect();
@@ -79,7 +79,7 @@ impl Repeated {
     }
 
     /// Shoulders that were read again at one station, each at the one that read it most often.
-    fn at_one(reading: Reading, again: &[AtStation<'_>]) -> Self {
+    fn at_one(reading: GaugedBy, again: &[AtStation<'_>]) -> Self {
         let most = |at: &AtStation<'_>| {
             at.iter().max_by_key(|(s, scans)| (scans.len(), std::cmp::Reverse(**s))).map(|(s, _)| *s)
         };
@@ -97,7 +97,7 @@ impl Repeated {
         Self { stations, ..Self::new(reading, Vec::new(), &design, found) }
     }
 
-    fn new(reading: Reading, stations: Vec<u16>, design: &Design, found: Result<Gauge, String>) -> Self {
+    fn new(reading: GaugedBy, stations: Vec<u16>, design: &Design, found: Result<Gauge, String>) -> Self {
         let mut remarks = Vec::new();
         if design.part_count > 0 && design.part_count < PARTS {
             remarks.push(format!("{} parts; AIAG asks for {PARTS} or more", design.part_count));
@@ -129,7 +129,7 @@ struct Design {
 
 impl Design {
     /// Of `shoulders`, each with its scans at each station; if one has more than others, only its first ones count.
-    fn new(reading: Reading, shoulders: &[Vec<&[&Scanned]>]) -> Self {
+    fn new(reading: GaugedBy, shoulders: &[Vec<&[&Scanned]>]) -> Self {
         let counts = shoulders.iter().flatten().map(|scans| scans.len());
         let repeat_count = counts.min().unwrap_or(0);
         let (mut readings, mut part_count, mut left_out) = (Vec::new(), 0, 0);

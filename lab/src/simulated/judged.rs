@@ -66,8 +66,8 @@ pub fn judge(judging: &Judging, set: &Set, casings: Range<usize>, scene: Scene) 
 }
 
 impl Judging {
-    /// Judges scans of `taps` by the reference of the first casings of a set and their number, scanned as by `taps` but at every
-    /// location; without them each casing by itself.
+    /// Judges scans of `taps`. `known` is a set and how many of its first casings make the reference; these are scanned as by `taps`,
+    /// but at every location. Without `known` each casing is compared with itself.
     ///
     /// # Errors
     /// If the set has not all of these taps.

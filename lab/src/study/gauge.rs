@@ -1,10 +1,10 @@
 //! How well a rig repeats, and two rigs agree: gauge repeatability and reproducibility of what verdicts rest on.
 //!
-//! Parts are shoulders, read by their strongest arc, or locations, read by their index ([`Reading`]); operators are two rigs,
+//! Parts are shoulders, read by their strongest arc, or locations, read by their index ([`GaugedBy`]); operators are two rigs,
 //! and a repeat is a whole scan with taps of its own. The second rig has its
 //! microphone a tenth farther away, twice the noise in both channels, and a velocity that jitters half as much again.
 
-use crate::evaluation::{GAUGE_COLUMNS, Reading, Table, gauge_cells};
+use crate::evaluation::{GAUGE_COLUMNS, GaugedBy, Table, gauge_cells};
 use crate::shoulder_result::ShoulderResult;
 use crate::statistics::{Crossed, Gauge, Refusal, crossed, one_way};
 use anyhow::Result;
@@ -24,7 +24,7 @@ const RIGS: usize = 2;
 #[derive(Debug)]
 pub(super) struct GaugeResult {
     pub index: IndexKind,
-    pub reading: Reading,
+    pub reading: GaugedBy,
     pub parts: usize,
     pub of_both: Result<Gauge, Refusal>,
     /// Of the first rig alone.
@@ -69,14 +69,14 @@ pub(super) fn gauge(set: &Set, size: &Size, seed: u64) -> Result<Vec<GaugeResult
     })?;
     let repeat_count = usize::from(size.gauge_scans);
     let of = |(&index, scans): (&IndexKind, &Vec<Vec<ShoulderResult>>)| {
-        Reading::ALL.map(|reading| GaugeResult::new(index, reading, scans, repeat_count))
+        GaugedBy::ALL.map(|reading| GaugeResult::new(index, reading, scans, repeat_count))
     };
     Ok(IndexKind::ALL.iter().zip(&judged).flat_map(of).collect())
 }
 
 impl GaugeResult {
     /// From `scans`, those of the first rig first.
-    fn new(index: IndexKind, reading: Reading, scans: &[Vec<ShoulderResult>], repeat_count: usize) -> Self {
+    fn new(index: IndexKind, reading: GaugedBy, scans: &[Vec<ShoulderResult>], repeat_count: usize) -> Self {
         let maps: Vec<Vec<f64>> = scans.iter().map(|scan| scan.iter().flat_map(|j| reading.of(j)).collect()).collect();
         let part_count = maps.first().map_or(0, Vec::len);
         let value = |part: usize, scan: usize| Some(maps[scan][part]).filter(|x| x.is_finite());

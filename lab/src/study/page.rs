@@ -1,6 +1,6 @@
 //! The page: the tables, and conclusions in words that depend on their numbers.
 
-use crate::evaluation::{Call, Detection, Picture, Reading, cell, ends, page_of};
+use crate::evaluation::{Call, Detection, GaugedBy, Picture, cell, ends, page_of};
 use tapline_draw::stats::extent;
 use tapline_fuse::IndexKind;
 
@@ -133,7 +133,7 @@ fn published(detection: &[Detection], of_sets: &[OfSet]) -> Vec<String> {
 
 /// What the gauge takes of what verdicts rest on, by the default index.
 fn repeated(gauge: &[GaugeResult]) -> Option<String> {
-    let is_it = |g: &&GaugeResult| g.index == IndexKind::default() && g.reading == Reading::StrongestArc;
+    let is_it = |g: &&GaugeResult| g.index == IndexKind::default() && g.reading == GaugedBy::StrongestArc;
     let found = gauge.iter().find(is_it)?;
     let (both, one) = (found.of_both.as_ref().ok()?, found.of_one.as_ref().ok()?);
     let categories = |ndc: Option<u64>| ndc.map_or_else(|| "none".to_owned(), |ndc| ndc.to_string());

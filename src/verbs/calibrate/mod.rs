@@ -16,7 +16,7 @@ use tapline_host::messages::{print_line, say};
 use tapline_host::stdout::Stdout;
 use tapline_wire::{Certificate, Channel, Unit};
 
-use crate::cli::calibrate::{CalibrateVerb, WrittenArgs};
+use crate::cli::calibrate::{CalibrateVerb, CalibrationFileArgs};
 
 /// Longest note, so that there is room for how the scale was found.
 const NOTE_BYTES_MAX: usize = 200;
@@ -79,8 +79,8 @@ fn stated(channel: Channel, full_scale_v: f64, sensitivity_mv: Option<f64>, gain
 ///
 /// # Errors
 /// A file that cannot be read, or that has one of `channel` which may not be replaced.
-fn present(written: &WrittenArgs, channel: Channel) -> Result<CalibrationFile> {
-    let WrittenArgs { out, force, .. } = written;
+fn present(written: &CalibrationFileArgs, channel: Channel) -> Result<CalibrationFile> {
+    let CalibrationFileArgs { out, force, .. } = written;
     let file = if out.exists() { CalibrationFile::read(out)? } else { CalibrationFile::default() };
     let of_channel = match channel {
         Channel::Force => &file.force,
@@ -98,7 +98,7 @@ fn present(written: &WrittenArgs, channel: Channel) -> Result<CalibrationFile> {
 
 /// Writes what is found of `channel`, of `date` or today.
 fn keep(
-    written: &WrittenArgs,
+    written: &CalibrationFileArgs,
     channel: Channel,
     date: Option<Date>,
     find: impl FnOnce() -> Result<Found>,
@@ -117,7 +117,7 @@ fn keep(
     let found = find()?;
     // Another may have calibrated the other channel meanwhile.
     let mut file = present(written, channel)?;
-    let WrittenArgs { out, valid_days, json: as_json, .. } = written;
+    let CalibrationFileArgs { out, valid_days, json: as_json, .. } = written;
     let until =
         date.checked_add(i64::from(*valid_days).days()).context("--valid-days ends after the last possible date")?;
     let Found { unit, full_scale, full_scale_v, method, sensitivity_mv_per_unit, gain } = found;

@@ -14,7 +14,7 @@ use tapline_draw::palette::COLORS;
 pub(crate) use self::theme::{DARK_STYLE, themed};
 
 use self::layout::{LINE_PX, TEXT_PX, layout, width_of};
-use self::names::{Box, Line, Named, place};
+use self::names::{Line, Named, Rect, place};
 use self::scales::{scale_of_costs, scale_of_errors};
 use super::panel::{Facet, Panel};
 use super::point::Point;
@@ -235,7 +235,7 @@ impl<'a> Drawing<'a> {
                 rank: (false, false),
             });
         }
-        let room = Box { left: frame.left, right: frame.right, top: frame.top, bottom: frame.bottom };
+        let room = Rect { left: frame.left, right: frame.right, top: frame.top, bottom: frame.bottom };
         for (name, placed) in named.iter().zip(place(&named, &self.lines(frame), &room)) {
             let Some(placed) = placed else { continue };
             if let Some((from, to)) = placed.leader {

@@ -40,16 +40,16 @@ pub(super) struct Placed {
     pub leader: Option<(Place, Place)>,
 }
 
-/// A name's, a mark's, or the one that names may be in.
+/// A rectangle: of a name, of a mark, or of the area for names.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Box {
+pub(super) struct Rect {
     pub left: f64,
     pub right: f64,
     pub top: f64,
     pub bottom: f64,
 }
 
-impl Box {
+impl Rect {
     fn around((x, y): Place, half_width: f64, half_height: f64) -> Self {
         Self { left: x - half_width, right: x + half_width, top: y - half_height, bottom: y + half_height }
     }
@@ -76,16 +76,16 @@ impl Box {
 /// A place that a name may have.
 #[derive(Debug, Clone, Copy)]
 struct Candidate {
-    of: Box,
+    of: Rect,
     placed: Placed,
     /// Penalty of its distance, and of the lines that it covers.
     badness: f64,
 }
 
 /// A place for each of `names`; `None` for one that must cover another.
-pub(super) fn place(names: &[Named], lines: &[Line], room: &Box) -> Vec<Option<Placed>> {
-    let mark = |name: &Named| Box::around(name.place, name.radius + 2.0, name.radius + 2.0);
-    let marks: Vec<Box> = names.iter().map(mark).collect();
+pub(super) fn place(names: &[Named], lines: &[Line], room: &Rect) -> Vec<Option<Placed>> {
+    let mark = |name: &Named| Rect::around(name.place, name.radius + 2.0, name.radius + 2.0);
+    let marks: Vec<Rect> = names.iter().map(mark).collect();
     let candidates: Vec<Vec<Candidate>> = names.iter().map(|name| candidates(name, lines, room)).collect();
     let mut order: Vec<usize> = (0..names.len()).collect();
     order.sort_by_key(|&k| names[k].rank);
@@ -102,7 +102,7 @@ pub(super) fn place(names: &[Named], lines: &[Line], room: &Box) -> Vec<Option<P
     chosen.into_iter().map(|candidate| candidate.map(|candidate| candidate.placed)).collect()
 }
 
-fn candidates(name: &Named, lines: &[Line], room: &Box) -> Vec<Candidate> {
+fn candidates(name: &Named, lines: &[Line], room: &Rect) -> Vec<Candidate> {
     let half_width = 0.5 * width_of(&name.text, TEXT_PX, name.is_bold) + 1.0;
     let half_height = 0.5 * LINE_PX - 1.0;
     let (x, y) = name.place;
@@ -113,7 +113,7 @@ fn candidates(name: &Named, lines: &[Line], room: &Box) -> Vec<Candidate> {
             // Its edge, not its middle, has this distance.
             let away = name.radius + reach;
             let middle = (x + cos * away + stretched(cos) * half_width, y + sin * away + stretched(sin) * half_height);
-            let of = Box::around(middle, half_width, half_height);
+            let of = Rect::around(middle, half_width, half_height);
             if of.left < room.left || of.right > room.right || of.top < room.top || of.bottom > room.bottom {
                 continue;
             }
@@ -133,7 +133,7 @@ fn stretched(part: f64) -> f64 {
 }
 
 /// The penalty of a place; `None` if it covers another name.
-fn cost(candidate: &Candidate, own: usize, marks: &[Box], others: &[Candidate]) -> Option<f64> {
+fn cost(candidate: &Candidate, own: usize, marks: &[Rect], others: &[Candidate]) -> Option<f64> {
     if others.iter().any(|other| other.of.meets(&candidate.of)) {
         return None;
     }
@@ -143,7 +143,7 @@ fn cost(candidate: &Candidate, own: usize, marks: &[Box], others: &[Candidate]) 
     let mut others_marks = marks.iter().enumerate().filter(|(k, _)| *k != own);
     let is_near_another = others_marks.any(|(_, mark)| candidate.of.distance_to(mark) < 1.4 * own_distance - 1.0);
     let astray = usize::from(candidate.placed.leader.is_none() && is_near_another);
-    let crossing = |of: &Box, leader: &Option<(Place, Place)>| leader.is_some_and(|leader| of.is_crossed(leader));
+    let crossing = |of: &Rect, leader: &Option<(Place, Place)>| leader.is_some_and(|leader| of.is_crossed(leader));
     let crossed = others.iter().filter(|other| crossing(&candidate.of, &other.placed.leader)).count()
         + others.iter().filter(|other| crossing(&other.of, &candidate.placed.leader)).count();
     let through = candidate
@@ -161,7 +161,7 @@ mod tests {
     /// Catches names on names, on points of others, or outside of the room; a dozen crowded points must all have one.
     #[test]
     fn names_do_not_stand_on_names() {
-        let room = Box { left: 0.0, right: 420.0, top: 0.0, bottom: 330.0 };
+        let room = Rect { left: 0.0, right: 420.0, top: 0.0, bottom: 330.0 };
         let named = |k: u32| Named {
             text: format!("point number {k}"),
             is_bold: k == 0,
@@ -170,12 +170,12 @@ mod tests {
             rank: (k > 0, k > 3),
         };
         let names: Vec<Named> = (0..12).map(named).collect();
-        let boxes: Vec<Box> = place(&names, &[], &room)
+        let boxes: Vec<Rect> = place(&names, &[], &room)
             .into_iter()
             .zip(&names)
             .map(|(placed, name)| {
                 let half = 0.5 * width_of(&name.text, TEXT_PX, name.is_bold);
-                Box::around(placed.expect("there is room").middle, half, 0.5 * TEXT_PX)
+                Rect::around(placed.expect("there is room").middle, half, 0.5 * TEXT_PX)
             })
             .collect();
         for (k, a) in boxes.iter().enumerate() {
@@ -188,7 +188,7 @@ mod tests {
     /// the right edge of the room.
     #[test]
     fn a_name_is_nearest_to_its_own_point() {
-        let room = Box { left: 0.0, right: 426.0, top: 95.0, bottom: 396.0 };
+        let room = Rect { left: 0.0, right: 426.0, top: 95.0, bottom: 396.0 };
         for (apart, lower) in (60..100).step_by(4).flat_map(|apart| (-20..=20).step_by(4).map(move |y| (apart, y))) {
             let places = [(405.0 - f64::from(apart), 210.0), (405.0, 210.0 + f64::from(lower))];
             let named = |text: &str, place| Named {
@@ -200,10 +200,10 @@ mod tests {
             };
             let names = [named("less noise", places[0]), named("less hum", places[1])];
             let upright = |(x, y): Place| Line { ends: ((x, y - 50.0), (x, y + 50.0)), cost: 12.0 };
-            let mark = |name: &Named| Box::around(name.place, name.radius, name.radius);
+            let mark = |name: &Named| Rect::around(name.place, name.radius, name.radius);
             for (name, placed) in names.iter().zip(place(&names, &places.map(upright), &room)) {
                 let placed = placed.expect("there is room");
-                let of = Box::around(placed.middle, 0.5 * width_of(&name.text, TEXT_PX, false), 0.5 * TEXT_PX);
+                let of = Rect::around(placed.middle, 0.5 * width_of(&name.text, TEXT_PX, false), 0.5 * TEXT_PX);
                 let is_own = |other: &Named| of.distance_to(&mark(name)) <= of.distance_to(&mark(other));
                 assert!(placed.leader.is_some() || names.iter().all(is_own), "{}: {apart} {lower}", name.text);
             }

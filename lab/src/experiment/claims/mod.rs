@@ -119,9 +119,11 @@ pub(super) fn page(claims: &[Claim], figures: &[(&str, &str)], folder: &str) -> 
         let given = if dissertation.is_empty() { "no number" } else { dissertation };
         page.push_str(&format!("| `{id}`: {claim} | {place} | {given} | {quantity}: {ours} | {agrees} | {remark} |\n"));
     }
-    page.push_str("\n## Figures\n");
+    page.push_str(
+        "\n## Figures\n\nThe command writes the numbers of each picture beside it, as a CSV of the same name.\n",
+    );
     for (name, title) in figures {
-        page.push_str(&format!("\n![{title}]({folder}/{name}.svg)\n\nTable: [{name}.csv]({folder}/{name}.csv)\n"));
+        page.push_str(&format!("\n![{title}]({folder}/{name}.svg)\n"));
     }
     page
 }
