@@ -43,9 +43,9 @@
 //!     values.set(Discriminator::Pr, Some(if is_cracked { 0.4 } else { 0.3 } + scatter));
 //!     fusion.push(&Discriminators { id: tap.id, plan_index, values, ..Discriminators::default() })?;
 //! }
-//! assert!(fusion.ready().is_empty()); // no end, no verdict
+//! assert!(!fusion.can_be_judged(0)); // no end, no verdict
 //! fusion.end(0)?;
-//! assert_eq!(fusion.ready(), [0]);
+//! assert!(fusion.can_be_judged(0));
 //! let (judgement, cells) = fusion.judge(0)?;
 //! assert_eq!(judgement.verdict, Verdict::Reject.code());
 //! assert!(judgement.reasons.contains(Reasons::DAMAGE));

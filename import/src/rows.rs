@@ -1,6 +1,7 @@
 //! Which taps the recordings hold: from names of files, from a table, or from the plan of a continuous record.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::ffi::OsStr;
 use std::path::{Component, Path, PathBuf};
 
 use tapline_acquire::{TEXT_COLUMNS, TapRow, read_rows, read_text, tap_columns, tap_rows};
@@ -159,9 +160,13 @@ impl List {
         let text = read_text(table)?;
         let refuse = |line: Option<usize>, reason: String| Error::Text { file: table.to_owned(), line, reason };
         // The table may be a CSV among the recordings.
-        let is_table =
-            |file: &PathBuf| file.canonicalize().ok().is_some_and(|file| Some(file) == table.canonicalize().ok());
+        let itself = table.canonicalize().ok();
+        let is_table = |file: &PathBuf| itself.is_some() && file.canonicalize().ok() == itself;
         let files: Vec<&PathBuf> = files.iter().filter(|file| !is_table(file)).collect();
+        let mut by_name: HashMap<&OsStr, Vec<usize>> = HashMap::new();
+        for (place, file) in files.iter().enumerate() {
+            by_name.entry(file.file_name().unwrap_or_default()).or_default().push(place);
+        }
         let (columns, texts) = ([&["part"], &tap_columns()[..]].concat(), [&["part"], &TEXT_COLUMNS[..]].concat());
         let mut used = BTreeSet::new();
         read_rows(table, &text, (&[], &columns), |row| -> Result<()> {
@@ -174,7 +179,8 @@ impl List {
             if name.is_empty() && !is_refused {
                 return Err(refuse(line, "file is \"\"; it must name a recording".to_owned()));
             }
-            let mut found = (0..files.len()).filter(|&place| !name.is_empty() && files[place].ends_with(&name));
+            let named = Path::new(&name).file_name().and_then(|last| by_name.get(last)).map_or(&[][..], Vec::as_slice);
+            let mut found = named.iter().copied().filter(|&place| files[place].ends_with(&name));
             let file = match (found.next(), found.next()) {
                 (Some(place), None) => {
                     used.insert(place);

@@ -1,7 +1,8 @@
 //! A second simulator of tapped casings, for tests and for the lab.
 //!
-//! What is true on one simulator may be a property of that simulator. This one shares no code and no physics with
-//! `tapline-model`, so that a method tuned on one can be tested on the other.
+//! What is true on one simulator may be a property of that simulator. This one shares no code with
+//! `tapline-model`, and of the physics two ideas: Hertz's law with a damping, and a layer over a crack that is heard in addition. So what both
+//! agree on in these is no evidence. All else differs, so that a method tuned on one can be tested on the other.
 //!
 //! | | here | `tapline-model` |
 //! |---|---|---|

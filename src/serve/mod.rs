@@ -12,6 +12,7 @@ mod access;
 mod metrics;
 mod reports;
 
+use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::net::SocketAddr;
 use std::path::Path;
@@ -35,7 +36,7 @@ use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use maud::html;
 use tapline_host::connection::{Places, end_if_gone, listen};
-use tapline_wire::now_ns;
+use tapline_wire::{Reasons, now_ns};
 use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, watch};
 use tokio_stream::StreamExt as _;
@@ -113,7 +114,12 @@ impl Server {
             .build()
             .context("--serve: cannot start")?;
         let followers = Arc::new(Semaphore::new(FOLLOWERS_MAX));
-        let page = include_str!("page/index.html").replace("{angles}", &html! { (angles) }.into_string()).into();
+        let meanings: BTreeMap<&str, String> = Reasons::ALL.iter().map(|&(of, name)| (name, of.meaning())).collect();
+        let meanings = serde_json::to_string(&meanings).context("--serve")?;
+        let page = include_str!("page/index.html")
+            .replace("{angles}", &html! { (angles) }.into_string())
+            .replace("{reasons}", &html! { (meanings) }.into_string())
+            .into();
         let (reports, is_room_asked) = (Arc::new(Semaphore::new(1)), Arc::default());
         let app = App { page, statuses, access, followers, reports, is_room_asked };
         let serve = move || {

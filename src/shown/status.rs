@@ -34,7 +34,7 @@ pub(crate) struct Status {
     pub receivers: Vec<ReceiverStatus>,
     pub stations: Vec<StationStatus>,
     pub stages: Vec<StageStatus>,
-    /// The last verdicts, the newest first.
+    /// The last verdicts, and the last of each station, the newest first.
     pub verdicts: Vec<CasingVerdict>,
     /// What someone should look at, the newest first.
     pub alarms: Vec<Alarm>,
@@ -56,9 +56,13 @@ pub(crate) struct StationStatus {
     pub casing: Option<CasingStatus>,
     /// The previous casing, as it was when its verdict was reported; `None` once another one was refused.
     pub last: Option<CasingStatus>,
+    /// The name of the casing that was done and taken off the rig last, until another one comes.
+    pub removed: Option<String>,
+    /// The casing that was refused last, until another one comes.
+    pub refused: Option<Alarm>,
     /// What it waits for; empty while it taps.
     pub waits_for: String,
-    /// What keeps it from seeing or tapping a casing that comes.
+    /// What keeps it from seeing or tapping a casing that comes: its rig, device or folder is away, or its rig is stopped.
     pub fault: Option<String>,
     pub tally: Tally,
     /// Properties of its last casing as a whole: the median over its shoulders.

@@ -68,6 +68,8 @@ struct Taken<'a> {
     lineage: Vec<(String, Origin)>,
     /// Casings whose newtons are not certain.
     uncalibrated: BTreeSet<String>,
+    /// Days on which casings were tapped, as far as they are known.
+    days: BTreeSet<String>,
     /// What the reference is made with, and the first archive, which decides that.
     built: Option<(Built, &'a Path)>,
 }
@@ -81,6 +83,7 @@ impl<'a> Taken<'a> {
             shoulders: Vec::new(),
             lineage: Vec::new(),
             uncalibrated: BTreeSet::new(),
+            days: BTreeSet::new(),
             built: None,
         }
     }
@@ -127,6 +130,7 @@ impl<'a> Taken<'a> {
         if is_doubtful {
             self.uncalibrated.insert(casing.clone());
         }
+        self.days.extend(reader.plan().recording.calibration.tapped_on.clone());
         self.lineage.push((casing, origin));
         self.shoulders.extend(shoulders);
         Ok(())
@@ -240,6 +244,12 @@ impl<'a> Taken<'a> {
                     say(&format!(
                         "{casings} no calibration that was valid when it was tapped: whether a sensor has changed since does not show ({})",
                         names.join(", ")
+                    ));
+                }
+                if let (Some(day), 1) = (self.days.first(), self.days.len()) {
+                    say(&format!(
+                        "all casings were tapped on {day}: by this reference sound ones that are some degrees warmer or colder may be level_off; \
+                         take casings of several days"
                     ));
                 }
                 return Ok(set);

@@ -12,6 +12,7 @@ use std::time::SystemTime;
 
 use jiff::civil::Date;
 
+use crate::archive::has_only_results;
 use crate::error::{Context as _, Error, Result};
 use crate::file::{ENDING, LEFT_FOLDER, OPEN_FOLDER};
 use crate::format::lineage::lineage_change;
@@ -228,7 +229,7 @@ pub fn results_path(archive: &Path, key: &str) -> PathBuf {
 /// Whether the file at `path` has results, and is not the archive of a casing with such a name; judged by name if it
 /// cannot be read.
 pub fn has_results(path: &Path) -> bool {
-    archive_of(path).is_some() && Reader::open(path).map_or(true, |reader| reader.is_results())
+    archive_of(path).is_some() && has_only_results(path).unwrap_or(true)
 }
 
 #[cfg(test)]

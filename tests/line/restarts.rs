@@ -131,6 +131,25 @@ fn a_line_goes_on_after_its_configuration_was_edited() {
     assert!(under_way(&sandbox.path("out")).is_empty() && !sandbox.path("out/left").exists());
 }
 
+/// Catches a casing that was half tapped by another reference and vanishes without a word.
+#[test]
+fn a_casing_that_cannot_go_on_is_an_alarm() {
+    let sandbox = Sandbox::new();
+    slow_plant(&sandbox, 1, 40.0, "");
+    let line = Running::start(&sandbox, "line --config plant.toml --out out --json");
+    until("a casing is half tapped", || archived(&sandbox) > 10);
+    line.kill();
+    let text = fs::read_to_string(sandbox.path("plant.toml")).unwrap();
+    sandbox.write("plant.toml", &format!("{text}[fuse]\nre_inspect_rate = 0.03\n"));
+    let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json");
+    line.wait_for_log(&["ERROR", "has no verdict", "it is put aside as "]);
+    until("the alarm", || {
+        sandbox.run("status --out out --json").json(0)["alarms"].to_string().contains("has no verdict")
+    });
+    assert!(line.interrupt().expect(3).err.contains("has no verdict"));
+    assert!(sandbox.path("out/left").exists());
+}
+
 /// Catches archived taps that a disk has lost and that are not taken again. The file under way is replaced by an
 /// earlier state, as after a power cut of its disk.
 #[test]

@@ -1,11 +1,11 @@
 //! Sources of casings: a watched folder, and a rig.
 
 use std::fs;
-use std::time::Instant;
+use std::time::{Duration, Instant, SystemTime};
 
 use serde_json::Value;
 use tapline_store::{Reader, verify};
-use tapline_wire::TapState;
+use tapline_wire::{TapState, now_ns};
 
 use crate::line::wires::status;
 use crate::line::{
@@ -150,19 +150,25 @@ fn a_casing_that_is_taken_away_is_inspected_again() {
     assert_eq!(all_finished(&sandbox.path("out")), names);
 }
 
-/// Catches a casing that is given up because its rig came back later than `store`, and one that is never judged because
-/// its rig came back without it.
+/// Catches a casing that is given up because its rig came back later than `store`, one that is never judged because
+/// its rig came back without it, and one that is continued after a time in which it may have been turned.
 #[test]
 fn a_rig_that_is_late_after_a_restart_goes_on() {
-    for comes_back in [true, false] {
+    for (comes_back, hours_later) in [(true, 0), (false, 0), (true, 1)] {
         let sandbox = Sandbox::new();
         let machine = rig_and_plant(&sandbox, "casings = 1\n", "[acquire]\ntaps_per_s = 40.0\n");
         let plant = fs::read_to_string(sandbox.path("plant.toml")).unwrap();
-        sandbox.write("plant.toml", &format!("{plant}rig_patience_s = 2.0\n"));
+        let patience_s = if comes_back { 30.0 } else { 2.0 };
+        sandbox.write("plant.toml", &format!("{plant}rig_patience_s = {patience_s:?}\n"));
         let line = Running::start(&sandbox, "line --config plant.toml --out out --json");
         until("the casing is half tapped", || archived(&sandbox) > 10);
         line.kill();
         drop(machine);
+        let earlier = SystemTime::UNIX_EPOCH + Duration::from_nanos(now_ns().unsigned_abs())
+            - Duration::from_secs(3600 * hours_later);
+        for file in under_way(&sandbox.path("out")).iter().filter(|_| hours_later > 0) {
+            fs::File::options().write(true).open(file).unwrap().set_modified(earlier).unwrap();
+        }
         let address = plant.split("rig = \"").nth(1).unwrap().split('"').next().unwrap();
         let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json");
         until("the station knows what is under way", || !casing_under_way(&sandbox).is_null());
@@ -170,8 +176,14 @@ fn a_rig_that_is_late_after_a_restart_goes_on() {
             sandbox.write("rig.toml", "casings = 1\n");
             let again = Running::start(&sandbox, &format!("rig --listen {address} --config rig.toml"));
             let verdict = line.verdict();
-            assert_eq!((&verdict["archived"], &verdict["refused"]), (&50.into(), &0.into()), "{verdict}");
-            line.interrupt().expect(0);
+            let is_whole = (&verdict["archived"], &verdict["refused"]) == (&50.into(), &0.into());
+            assert_eq!(is_whole, hours_later == 0, "{verdict}");
+            if hours_later > 0 {
+                assert_ne!(verdict["verdict"], "PASS", "{verdict}");
+                let alarms = sandbox.run("status --out out --json").json(0)["alarms"].to_string();
+                assert!(alarms.contains("RIG-1: its scan was interrupted for 36"), "{alarms}");
+            }
+            line.interrupt().expect(if hours_later == 0 { 0 } else { 3 });
             drop(again);
         } else {
             let verdict = line.verdict();

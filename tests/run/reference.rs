@@ -39,6 +39,28 @@ fn verdicts(sandbox: &Sandbox, archive: &str) -> Vec<(String, String, String)> {
         .collect()
 }
 
+/// Catches a softer casing that passes by a reference that never saw one, and one that does not by a reference that did; the page says so.
+#[test]
+fn a_reference_covers_the_temperatures_that_it_was_made_at() {
+    let sandbox = Sandbox::new();
+    let run = |name: &str, modulus: f64, seed: u32, serials: std::ops::Range<u32>, reference: &str| {
+        let tyres: String = serials.map(|k| format!("[[scan.tyre]]\nserial = \"T-{k}\"\n")).collect();
+        sandbox.write("c.toml", &format!("[scan]\nseed = {seed}\n{tyres}[simulation]\nmodulus_ratio = {modulus:?}\n"));
+        sandbox.run(&format!("run --config c.toml --out {name} --reference {reference}"));
+        verdicts(&sandbox, name)
+    };
+    run("usual", 1.0, 1, 0..12, "self");
+    sandbox.run("reference usual --out usual.json").expect(0);
+    for (name, modulus, serials) in [("all/cold", 1.05, 0..4), ("all/warm", 0.95, 4..8), ("all/usual", 1.0, 8..12)] {
+        run(name, modulus, 1, serials, "self");
+    }
+    sandbox.run("reference all --out all.json").expect(0);
+    let softer = run("by-usual", 0.97, 2, 20..24, "usual.json");
+    assert!(softer.iter().all(|(_, verdict, why)| verdict != "PASS" && why.contains("level_off")), "{softer:?}");
+    let softer = run("by-all", 0.97, 2, 20..24, "all.json");
+    assert!(softer.iter().filter(|(_, verdict, _)| verdict == "PASS").count() >= 7, "{softer:?}");
+}
+
 /// Catches one casing that was recorded differently and keeps a whole folder from being a reference.
 #[test]
 fn what_was_recorded_differently_is_left_out() {

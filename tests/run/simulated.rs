@@ -80,7 +80,7 @@ fn judged(scan: &ScanConfig) -> BTreeMap<(String, u16), Judged> {
         fusion.push(&extractor.extract(&header, Samples::view(&header, &buffer).unwrap())).unwrap();
     }
     (0..plan.scans().len()).for_each(|number| fusion.end(number).unwrap());
-    assert_eq!(fusion.ready().len(), plan.scans().len());
+    assert!((0..plan.scans().len()).all(|scan| fusion.can_be_judged(scan)));
     let judge = |(number, scan): (usize, &tapline_wire::Scan)| {
         let (judgement, cells) = fusion.judge(number).unwrap();
         let verdict = Verdict::from_code(judgement.verdict).unwrap();

@@ -27,6 +27,7 @@ fn law_1_only_acquire_reads_a_clock_for_a_result() {
         "acquire/src/rig/dialogue/receive.rs", // when a rig has hit: the time of a tap
         "acquire/src/rig/dialogue/station.rs", // the name of a casing whose serial is unreadable
         "acquire/src/rig/tests/mod.rs",        // what it is held to
+        "acquire/src/stage/station.rs",        // how long a casing was left half tapped
         "src/line/status.rs",                  // how old a status is
         "src/line/supervisor/closed.rs",       // when a file was closed, of one that does not say
         "src/line/supervisor/mod.rs",          // when a status was so
@@ -35,7 +36,9 @@ fn law_1_only_acquire_reads_a_clock_for_a_result() {
         "src/wires/modbus.rs",                 // at each start verdicts get other numbers
         "src/wires/opcua/mod.rs",              // how long a certificate is still valid
         "src/wires/outbox.rs",                 // when a verdict is reported again
+        "store/src/stage/open_casing.rs",      // when a file was last written
         "store/src/stage/places.rs",           // names of files and folders
+        "store/src/stage/proposals.rs",        // when a file was last written, if it is new
         "store/src/stage/unreported.rs",       // when a casing's file was finished
         "wire/src/clock.rs",                   // where it is read
         "wire/src/stream/line.rs",             // distinguishes the runs of a process
@@ -49,6 +52,6 @@ fn records_have_no_padding_at_their_end() {
     // A field that needs no padding fills its type: the sum of the fields is the size.
     let stamp = size_of::<tapline_wire::Stamp>();
     assert_eq!(stamp, 3 * 8 + 2 * 4 + 8);
-    assert_eq!(size_of::<CasingHeader>(), stamp + 2 * 8 + 10 * 4);
+    assert_eq!(size_of::<CasingHeader>(), stamp + 3 * 8 + 10 * 4);
     assert_eq!(size_of::<TapId>(), 32 + 2 * 2 + 2 * 4 + 4 + 2 * 2);
 }

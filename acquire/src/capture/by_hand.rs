@@ -26,6 +26,8 @@ pub(crate) struct ByHand {
     /// When that file was last written for an earlier casing.
     serial_written: Option<SystemTime>,
     last_unknown_name: String,
+    /// Why casings have no serial, for people.
+    alarms: Vec<String>,
     /// The next tap, in words.
     next_tap: Arc<Mutex<String>>,
 }
@@ -51,29 +53,35 @@ impl ByHand {
         // The file may still hold the serial of the previous casing, which was judged or left before a restart.
         let serial_written = serial_file.as_deref().and_then(written);
         let (scan, last_unknown_name, next_tap) = (scan.clone(), String::new(), Arc::default());
-        Self { ear, station, scan, serial_file, serial_written, last_unknown_name, next_tap }
+        Self { ear, station, scan, serial_file, serial_written, last_unknown_name, alarms: Vec::new(), next_tap }
     }
 
     /// The serial in the file, or a made-up name if there is none.
     fn name(&mut self) -> String {
+        let mut why = None;
         if let Some(file) = &self.serial_file {
             let written = written(file);
-            match std::fs::read_to_string(file) {
+            why = Some(match std::fs::read_to_string(file) {
                 Ok(_) if written == self.serial_written => {
-                    tracing::error!(
-                        "{}: it still has the serial of the previous casing, or one from before the line was started",
-                        file.display()
-                    );
+                    "it still has the serial of the previous casing, or one from before the line was started".to_owned()
                 }
-                Ok(text) if Serial::new(text.trim()).is_ok() => {
+                Ok(text) => {
                     self.serial_written = written;
-                    return text.trim().to_owned();
+                    let text = serial_in(&text);
+                    if Serial::new(text).is_ok() {
+                        return text.to_owned();
+                    }
+                    format!("{text:?} is not a serial")
                 }
-                Ok(text) => tracing::error!("{}: {:?} is not a serial", file.display(), text.trim()),
-                Err(error) => tracing::error!("{}: {error}", file.display()),
-            }
+                Err(error) => error.to_string(),
+            });
         }
         self.last_unknown_name = unknown_name(self.station, now_ns(), &self.last_unknown_name);
+        if let (Some(file), Some(why)) = (&self.serial_file, why) {
+            let text = format!("{}: {why}; the casing is called {}", file.display(), self.last_unknown_name);
+            tracing::error!("station {}: {text}", self.station);
+            self.alarms.push(text);
+        }
         self.last_unknown_name.clone()
     }
 }
@@ -108,6 +116,7 @@ impl Arrivals for ByHand {
             taps: Box::new(TappedByHand {
                 losses_before: self.ear.loss_count(),
                 heard,
+                serial: self.serial_file.clone().zip(self.serial_written),
                 made: BTreeSet::new(),
                 next_tap: Arc::clone(&self.next_tap),
             }),
@@ -129,7 +138,8 @@ impl Arrivals for ByHand {
     }
 
     fn take_messages(&mut self) -> Vec<(RecordKind, String)> {
-        self.ear.take_alarms().into_iter().map(|text| (RecordKind::Alarm, text)).collect()
+        let alarms = self.alarms.drain(..).chain(self.ear.take_alarms());
+        alarms.map(|text| (RecordKind::Alarm, text)).collect()
     }
 }
 
@@ -137,6 +147,8 @@ impl Arrivals for ByHand {
 #[derive(Debug)]
 struct TappedByHand {
     heard: HeardCasing,
+    /// The file of serials, and when it was last written as this casing began.
+    serial: Option<(PathBuf, SystemTime)>,
     /// Rows that were tapped.
     made: BTreeSet<u32>,
     /// The loss count when it began.
@@ -162,6 +174,9 @@ impl Source for TappedByHand {
         if readiness == Readiness::Ready {
             self.made.insert(row);
         }
+        if readiness == Readiness::NotYet && self.has_next_serial() {
+            return Readiness::Gone("the serial of another casing was written before its last tap".to_owned());
+        }
         if readiness == Readiness::NotYet
             && let Some(tap) = self.heard.plan().taps().get(row as usize)
         {
@@ -173,6 +188,21 @@ impl Source for TappedByHand {
     fn fill(&mut self, header: &mut TapHeader, buffer: &mut [CacheLine]) -> Result<(), Refusal> {
         self.heard.fill(header, buffer)
     }
+}
+
+impl TappedByHand {
+    /// Whether the file of serials has been written since this casing began, with another serial than its own.
+    fn has_next_serial(&self) -> bool {
+        let Some((file, at)) = &self.serial else { return false };
+        let own = self.heard.plan().scans().first().map_or("", |scan| scan.tyre.as_str());
+        let is_other = |text: String| !serial_in(&text).is_empty() && serial_in(&text) != own;
+        written(file).is_some_and(|now| now != *at) && std::fs::read_to_string(file).is_ok_and(is_other)
+    }
+}
+
+/// The serial in the text of a file, as editors and scanners write it.
+fn serial_in(text: &str) -> &str {
+    text.trim_start_matches('\u{feff}').trim()
 }
 
 /// When `file` was written last; `None` where it is not there.
@@ -238,6 +268,38 @@ mod tests {
             write("B", at_s + 1);
             assert_eq!(station.name(), "B", "it was written anew");
         }
+    }
+
+    /// Catches two casings that are judged as one: the second is begun although taps of the first are missing. And a serial as some editors
+    /// write it, which is not taken.
+    #[test]
+    fn the_serial_of_the_next_casing_ends_this_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("serial.txt");
+        let write = |text: &str, at_s: u64| {
+            std::fs::write(&file, text).unwrap();
+            let at = SystemTime::UNIX_EPOCH + Duration::from_secs(at_s);
+            std::fs::File::options().write(true).open(&file).unwrap().set_modified(at).unwrap();
+        };
+        let cable = Cable::new(&config(16));
+        let mut station = station(&cable, Some(file.clone()));
+        write("\u{feff}A\r\n", 1_000_000_000);
+        cable.play([Step::Frames(frames(0..4000, &[1000, 2000]))]);
+        let mut first = casing(&mut station);
+        assert_eq!(first.name, "A");
+        assert!(is_tap(&mut first, 0, 1000));
+        write("A", 1_000_000_001);
+        assert!(is_tap(&mut first, 1, 2000));
+        assert_eq!(first.taps.poll(2, 0), Readiness::NotYet, "the same serial, written again");
+        write("B", 1_000_000_002);
+        assert!(matches!(first.taps.poll(2, 0), Readiness::Gone(why) if why.contains("another casing")));
+        cable.play([Step::Frames(frames(4000..6000, &[5000]))]);
+        let mut second = casing(&mut station);
+        assert!(second.name == "B" && is_tap(&mut second, 0, 5000));
+        write("no/serial", 1_000_000_003);
+        assert!(station.name().starts_with("unknown-3-"));
+        let [(RecordKind::Alarm, alarm)] = &station.take_messages()[..] else { panic!("one alarm") };
+        assert!(alarm.contains("\"no/serial\" is not a serial; the casing is called unknown-3-"), "{alarm}");
     }
 
     /// Catches a tap from before a gap, that nobody had taken, which ends the casing behind the gap.

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use tapline_wire::{CasingHeader, Ledger, LineError, PlannedTap, RecordKind};
+use tapline_wire::{CasingHeader, Ledger, LineError, PlannedTap, RecordKind, now_ns};
 
 use crate::stage::outlet::Outlet;
 use crate::stage::pace::{Next, Pace, SEND_AGAIN};
@@ -46,8 +46,8 @@ pub(crate) struct Station {
 enum Work {
     /// It has no casing.
     Idle,
-    /// It has one, which is proposed to `store`; `opened` is its number once `store` has opened it.
-    Proposed { casing: Casing, sent_at: Option<Instant>, opened: Option<u64> },
+    /// It has one, which is proposed to `store`; `opened` is its number once `store` has opened it, and when its file was last written.
+    Proposed { casing: Casing, sent_at: Option<Instant>, opened: Option<(u64, i64)> },
     /// It taps one, which is open.
     Tapping(Box<Tapping>),
     /// No casing will come any more.
@@ -81,7 +81,7 @@ impl Station {
             // A casing of the same name may be proposed while this one is judged.
             _ if self.closing.iter().any(|&(closing, _)| closing == number) => {}
             Work::Proposed { casing, opened, .. } if is_of_plan(header, casing.taps.as_ref()) => {
-                *opened = Some(number);
+                *opened = Some((number, header.written_ns));
                 grow(casing, added);
             }
             Work::Tapping(tapping) if tapping.number == number => tapping.grow(added),
@@ -93,9 +93,16 @@ impl Station {
     /// Notes the ledger of a casing.
     pub(crate) fn note_ledger(&mut self, number: u64, ledger: Ledger) {
         match std::mem::replace(&mut self.work, Work::Idle) {
-            Work::Proposed { casing, opened: Some(opened), .. } if opened == number => {
+            Work::Proposed { casing, opened: Some((opened, written_ns)), .. } if opened == number => {
                 self.left_over.retain(|&(left_over, _)| left_over != number);
-                self.work = Work::Tapping(Box::new(Tapping::new(number, casing, ledger)));
+                let mut tapping = Tapping::new(number, casing, ledger);
+                if let Some(why) = self.interruption(&tapping, written_ns) {
+                    let text = format!("casing {}: {why}; it is judged on the taps that came", tapping.casing.name);
+                    tracing::warn!("{text}");
+                    self.alarms.push_back((RecordKind::Alarm, text));
+                    tapping.give_up(why);
+                }
+                self.work = Work::Tapping(Box::new(tapping));
             }
             Work::Tapping(mut tapping) if tapping.number == number => {
                 tapping.set_ledger(ledger);
@@ -103,6 +110,15 @@ impl Station {
             }
             work => self.work = work,
         }
+    }
+
+    /// Why a casing that was half tapped, and whose file was last written at `written_ns`, is not continued: nobody saw whether it was
+    /// lifted and put back turned, which would hide a crack.
+    fn interruption(&self, tapping: &Tapping, written_ns: i64) -> Option<String> {
+        let patience = self.arrivals.patience().filter(|_| tapping.has_taps())?;
+        let away = Duration::from_nanos(now_ns().saturating_sub(written_ns).unsigned_abs());
+        (away > patience)
+            .then(|| format!("its scan was interrupted for {} s: it may have been turned meanwhile", away.as_secs()))
     }
 
     /// Notes that a casing's file is closed, now or before it was proposed.

@@ -55,6 +55,17 @@ impl Tapping {
         tapping
     }
 
+    /// Whether a tap of it is settled.
+    pub(crate) fn has_taps(&self) -> bool {
+        self.ledger.taps().iter().any(|state| state.is_settled())
+    }
+
+    /// Takes no more taps, because of `why`.
+    pub(crate) fn give_up(&mut self, why: String) {
+        self.gone = Some(why);
+        self.phase = Phase::Tapping(Vec::new());
+    }
+
     /// Plan - ledger of the current scan, the last row first.
     fn missing(&self) -> Vec<u32> {
         let states = self.ledger.taps();

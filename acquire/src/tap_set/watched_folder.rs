@@ -6,10 +6,12 @@
 
 use std::collections::{BTreeSet, VecDeque};
 use std::ffi::{OsStr, OsString};
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, BufRead as _, BufReader, Write as _};
 use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::{Path, PathBuf};
+use std::thread::sleep;
+use std::time::Duration;
 
 use rustix::fs::{CWD, OFlags, RenameFlags, renameat_with};
 use tapline_wire::RecordKind;
@@ -26,6 +28,10 @@ const REASON: &str = "reason.txt";
 /// File in a set under way that lists its casings that are done, one per line.
 const CLOSED: &str = ".closed";
 
+/// Attempts to lock a folder, and the time between two.
+const LOCK_TRIES: u32 = 100;
+const LOCK_PAUSE: Duration = Duration::from_millis(20);
+
 /// Largest number of sets of one name in one folder.
 const SAME_NAME_MAX: u32 = 100_000;
 
@@ -33,6 +39,8 @@ const SAME_NAME_MAX: u32 = 100_000;
 #[derive(Debug)]
 pub struct FolderArrivals {
     folder: PathBuf,
+    /// The folder, locked so that no other line shares its sets.
+    _lock: File,
     station: u16,
     /// Sets begun and not put aside yet: the one under way, and perhaps an earlier one whose casings are being
     /// closed.
@@ -64,6 +72,18 @@ struct OpenSet {
     faults: Vec<String>,
 }
 
+/// Locks `folder`, where its file system has locks. A killed process may hold its lock for a moment longer.
+fn lock(folder: &Path) -> io::Result<File> {
+    let file = File::open(folder)?;
+    for _ in 0..LOCK_TRIES {
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) => sleep(LOCK_PAUSE),
+            Ok(()) | Err(TryLockError::Error(_)) => return Ok(file),
+        }
+    }
+    Err(io::Error::other("another line watches it"))
+}
+
 impl FolderArrivals {
     /// Watches `folder` for the casings of `station`; creates the folder if it does not exist.
     ///
@@ -76,12 +96,17 @@ impl FolderArrivals {
         for part in [folder.to_owned(), folder.join(DONE), folder.join(FAILED)] {
             fs::create_dir_all(&part).map_err(|source| Error::Unwatchable { station, part, source })?;
         }
+        let lock = lock(folder).map_err(|source| {
+            let part = folder.to_owned();
+            Error::Unwatchable { station, part, source }
+        })?;
         if !was_there {
             // The name may have been mistyped.
             tracing::warn!("station {station}: the folder {} did not exist; it is made", folder.display());
         }
         Ok(Self {
             folder: folder.to_owned(),
+            _lock: lock,
             station,
             sets: Vec::new(),
             stuck: BTreeSet::new(),

@@ -41,6 +41,17 @@ fn names_in(dir: &TempDir, folder: &str) -> Vec<String> {
     names
 }
 
+/// Catches two lines that share the sets of one folder.
+#[test]
+fn a_folder_has_one_line() {
+    let (dir, folder) = watched();
+    let inbox = dir.path().join("inbox");
+    let refused = FolderArrivals::open(&inbox, 4).unwrap_err();
+    assert!(std::error::Error::source(&refused).unwrap().to_string().contains("another line watches it"), "{refused}");
+    drop(folder);
+    FolderArrivals::open(&inbox, 4).unwrap();
+}
+
 /// Catches sets in the wrong order, casings left out, a set that is moved before all of its casings are done, and files that nobody says
 /// are in no set.
 #[test]
@@ -184,6 +195,7 @@ fn half_done_sets_are_found_again() {
     assert_eq!(next(&mut folder).as_deref(), Some("A1"));
     assert_eq!(next(&mut folder).as_deref(), Some("A2"));
     close(&mut folder, "A1");
+    drop(folder);
     let again = || FolderArrivals::open(&dir.path().join("inbox"), 3).unwrap();
     let mut folder = again();
     assert_eq!(next(&mut folder).as_deref(), Some("A2"));
@@ -191,6 +203,7 @@ fn half_done_sets_are_found_again() {
     close(&mut folder, "A2");
     // The line ends between the closing of the last casing and the move of the set.
     note_closed(&dir.path().join("inbox/a"), "A3").unwrap();
+    drop(folder);
     assert_eq!((next(&mut again()), names_in(&dir, "done")), (None, vec!["a".to_owned()]));
     assert_eq!(names_in(&dir, "done/a").len(), 5, "nothing but the set");
 }

@@ -78,7 +78,7 @@ impl Compared {
 impl Fusion {
     /// The verdict on scan number `scan` with its damage map, one cell a location in their order.
     ///
-    /// It is available at any time. Until the scan is [`ready`](Self::ready) it rests on what has come and is never PASS:
+    /// It is available at any time. Until the scan [can be judged](Self::can_be_judged) it rests on what has come and is never PASS:
     /// [`Reasons::NOT_ENDED`] and [`Reasons::TAPS_MISSING`] then refer to the scan or its reference. The publisher fills
     /// in the stamp's sequence and sender.
     ///
@@ -86,7 +86,6 @@ impl Fusion {
     /// [`Error::NoSuchScan`].
     pub fn judge(&mut self, scan: usize) -> Result<(Judgement, Vec<DamageCell>), Error> {
         self.check(scan)?;
-        self.progress[scan].is_judged = true;
         let compared = self.compared(scan);
         let planned = &self.plan.scans()[scan];
         let mut cells = empty_cells(planned);

@@ -42,7 +42,6 @@ struct Progress {
     /// How often its data have changed.
     changes: u64,
     is_ended: bool,
-    is_judged: bool,
 }
 
 /// The last casing that was compared, with the changes of each scan that it was computed from.
@@ -128,8 +127,7 @@ impl Fusion {
     /// Takes in one tap's discriminators, or its refusal ([`Quality::REFUSED`]).
     ///
     /// One that is to be taken again ([`Quality::RETAKE`]) counts as missing. A later attempt replaces an earlier
-    /// one; the same record twice counts once. A record that changes the basis of a verdict makes its scans
-    /// [`ready`](Self::ready) again.
+    /// one; the same record twice counts once.
     ///
     /// # Errors
     /// [`Error::NoSuchRow`] or [`Error::OtherTap`] for a record of another plan; nothing has changed then.
@@ -153,7 +151,6 @@ impl Fusion {
         if old.as_ref().is_none_or(|old| rank(old) < rank(&new)) {
             *old = Some(new);
             self.progress[scan].changes += 1;
-            self.judge_again(scan);
         }
         Ok(())
     }
@@ -164,31 +161,8 @@ impl Fusion {
     /// [`Error::NoSuchScan`].
     pub fn end(&mut self, scan: usize) -> Result<(), Error> {
         self.check(scan)?;
-        if !self.progress[scan].is_ended {
-            self.progress[scan].is_ended = true;
-            self.judge_again(scan);
-        }
+        self.progress[scan].is_ended = true;
         Ok(())
-    }
-
-    fn judge_again(&mut self, scan: usize) {
-        for dependent in 0..self.progress.len() {
-            if self.groups.involved(dependent).contains(&scan) {
-                self.progress[dependent].is_judged = false;
-            }
-        }
-    }
-
-    /// Plan rows of scan number `scan` still missing, ascending; none for a scan that is not planned.
-    pub fn missing(&self, scan: usize) -> Vec<u32> {
-        let rows = self.plan.scans().get(scan).map_or(&[][..], |s| &s.taps);
-        rows.iter().copied().filter(|&row| self.seen[row as usize].is_none()).collect()
-    }
-
-    /// Scans that can be judged, ascending: they, the other shoulders of their casing and their reference have ended, every
-    /// tap of them has come or was refused, and they have not been judged since.
-    pub fn ready(&self) -> Vec<usize> {
-        (0..self.progress.len()).filter(|&scan| !self.progress[scan].is_judged && self.can_be_judged(scan)).collect()
     }
 
     /// Whether scan number `scan`, its casing and its reference have ended, and every tap of them has come or was refused.

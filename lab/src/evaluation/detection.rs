@@ -66,14 +66,38 @@ impl Detection {
             let head = [self.class.clone().into(), method.into(), self.targets.len().into(), self.found_count().into()];
             table.push(head.into_iter().chain(sizes.map(cell)).chain([remark.into()]));
         };
-        let of_hits =
-            self.hit_miss.as_ref().map(|h| ([h.a50, h.a90, h.a90_95_likelihood], few(h.targets, HIT_MISS_TARGETS)));
+        let with_remarks = |sizes: [Option<f64>; 3], mut remarks: Vec<String>| {
+            remarks.push(self.beyond(sizes));
+            remarks.retain(|remark| !remark.is_empty());
+            (sizes, remarks.join("; "))
+        };
+        let of_hits = self
+            .hit_miss
+            .as_ref()
+            .map(|h| with_remarks([h.a50, h.a90, h.a90_95_likelihood], vec![few(h.targets, HIT_MISS_TARGETS)]));
         push("hit or miss", of_hits.map_err(ToString::to_string));
-        let of_responses = self.a_hat.as_ref().map(|a| {
-            let remarks = [few(a.targets, A_HAT_TARGETS), uneven(a)].into_iter().filter(|remark| !remark.is_empty());
-            ([a.a50, a.a90, a.a90_95_likelihood], remarks.collect::<Vec<_>>().join("; "))
-        });
+        let of_responses = self
+            .a_hat
+            .as_ref()
+            .map(|a| with_remarks([a.a50, a.a90, a.a90_95_likelihood], vec![few(a.targets, A_HAT_TARGETS), uneven(a)]));
         push("response", of_responses.map_err(ToString::to_string));
+    }
+
+    /// That a curve gives sizes beyond those of the targets, or no a90/95.
+    fn beyond(&self, [a50, a90, a90_95]: [Option<f64>; 3]) -> String {
+        let sizes = || self.targets.iter().map(|target| target.size_mm);
+        let is_beyond = |size: f64| sizes().all(|of| of < size) || sizes().all(|of| of > size);
+        // Where a curve gives none it is farther still.
+        let named = [("a50", a50), ("a90", a90)].map(|(name, size)| size.is_none_or(is_beyond).then_some(name));
+        let names: Vec<&str> = named.into_iter().flatten().collect();
+        let mut remarks = Vec::new();
+        if !names.is_empty() {
+            remarks.push(format!("{} beyond the sizes of the targets", names.join(" and ")));
+        }
+        if a90_95.is_none() {
+            remarks.push("no a90/95: larger cracks may not be found more easily".to_owned());
+        }
+        remarks.join("; ")
     }
 
     /// Both curves over sizes from `low` to `high` mm, with the targets; `label` says what the size is.
@@ -125,6 +149,24 @@ fn uneven(line: &AHat) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Catches a size that the curve gives far beyond all targets, and a missing a90/95, without a word.
+    #[test]
+    fn what_the_targets_do_not_support_is_remarked() {
+        let found =
+            [6.0, 9.0, 12.0, 16.0, 21.0, 27.0].into_iter().flat_map(|size_mm| (0..12).map(move |k| (size_mm, k)));
+        let target = |(size_mm, k): (f64, u32)| {
+            let is_found = k % 12 < 7 + (size_mm / 14.0) as u32;
+            Target { size_mm, depth_mm: None, location_count: 1, is_found, response: f64::NAN, limit: 1.0 }
+        };
+        let detection = Detection::new("all".to_owned(), found.map(target).collect());
+        let mut table = Table::new("detection", "", DETECTION_COLUMNS);
+        detection.push(&mut table);
+        let text = table.csv().unwrap();
+        for remark in ["a50 and a90 beyond the sizes of the targets", "no a90/95"] {
+            assert!(text.lines().nth(1).unwrap().contains(remark), "{text}");
+        }
+    }
 
     /// Catches one limit for all targets: whoever judges a shoulder on another scale finds the same cracks.
     #[test]

@@ -10,7 +10,7 @@ use crate::shoulder_result::ShoulderResult;
 pub(crate) enum GaugedBy {
     /// A shoulder is a part, read by its strongest arc: a verdict rests on it.
     StrongestArc,
-    /// A location is a part. Most are sound, and the index of a sound one is scatter in units of its own standard deviation.
+    /// A location is a part. Most are sound, and the index of a sound one is only scatter.
     DamageIndex,
 }
 

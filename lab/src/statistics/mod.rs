@@ -28,6 +28,6 @@ pub use anova::{AnovaRow, Crossed};
 pub use gauge::{Component, Gauge, POOLED_ABOVE, crossed, one_way};
 pub use hit_miss::{HIT_MISS_TARGETS, HitMiss, hit_miss};
 pub use mean::mean_interval;
-pub use rate::{Rate, clopper_pearson};
+pub use rate::{Rate, clopper_pearson, mean_count};
 pub use refusal::Refusal;
 pub use repeat::{nor_rmse, within_over_all};

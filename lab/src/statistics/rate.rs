@@ -28,11 +28,19 @@ pub struct Rate {
 /// [`Refusal::TooFew`] of no trials; [`Refusal::OutOfRange`] for a count above all, or a level that is not between 0
 /// and 1.
 pub fn clopper_pearson(count: usize, all: usize, level: f64) -> Result<Rate, Refusal> {
+    mean_count(count as f64, all, level)
+}
+
+/// The same of a `count` that is the mean of several looks at the same trials, and so need not be whole.
+///
+/// # Errors
+/// As [`clopper_pearson`].
+pub fn mean_count(count: f64, all: usize, level: f64) -> Result<Rate, Refusal> {
     if all == 0 {
         return Err(Refusal::TooFew("trials", 0, 1));
     }
-    let (k, n, tail) = (count as f64, all as f64, 0.5 * (1.0 - level));
-    if count > all {
+    let (k, n, tail) = (count, all as f64, 0.5 * (1.0 - level));
+    if !(k >= 0.0 && k <= n) {
         return Err(Refusal::OutOfRange("count", k, 0.0, n));
     }
     if !(level > 0.0 && level < 1.0) {

@@ -70,8 +70,12 @@ pub(super) fn table(detections: &[Detection]) -> Table {
 
 /// Every target of all depths.
 pub(super) fn targets_table(detections: &[Detection]) -> Table {
-    let columns = ["length_mm", "depth_mm", "location_count", "found", "index"];
-    let mut table = Table::long("targets", "Every crack looked for, with its greatest index", columns);
+    let columns = ["length_mm", "depth_mm", "location_count", "found", "index", "limit"];
+    let mut table = Table::long(
+        "targets",
+        "Every crack looked for, with its greatest index and the limit of its shoulder",
+        columns,
+    );
     for t in detections.first().iter().flat_map(|d| &d.targets) {
         table.push([
             cell(t.size_mm),
@@ -79,6 +83,7 @@ pub(super) fn targets_table(detections: &[Detection]) -> Table {
             (t.location_count as usize).into(),
             yes_or_no(t.is_found),
             cell(t.response),
+            cell(t.limit),
         ]);
     }
     table

@@ -3,7 +3,7 @@
 //! References of n casings are drawn from many sound tyres, and every other tyre is judged by each. A shoulder that
 //! several references judge counts as one trial in the interval, since its results are not independent.
 
-use crate::statistics::{Rate, clopper_pearson};
+use crate::statistics::{Rate, mean_count};
 use anyhow::{Context as _, Result};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -74,9 +74,8 @@ pub(super) fn false_calls(set: &Set, size: &Size, seed: u64) -> Result<Vec<False
             let (judged, calls): (usize, usize) =
                 (of_case().map(|count| count.0).sum(), of_case().map(|count| count.1).sum());
             let shoulders = 2 * (size.sound_tyres - casings);
-            let rate = calls as f64 / judged as f64;
-            let once = clopper_pearson((rate * shoulders as f64).round() as usize, shoulders, 0.95)?;
-            counts.push(FalseCalls { index, casings, call, stated, judged, calls, rate: Rate { rate, ..once } });
+            let rate = mean_count(calls as f64 / judged as f64 * shoulders as f64, shoulders, 0.95)?;
+            counts.push(FalseCalls { index, casings, call, stated, judged, calls, rate });
         }
     }
     Ok(counts)

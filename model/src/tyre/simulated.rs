@@ -93,7 +93,7 @@ impl SimulatedRig {
                 return Err(Error::DuplicateTyre { serial: serial.clone() });
             }
         }
-        let scene = Scene { e_2_pa: CASING_PA, ..Scene::default() };
+        let scene = Scene { e_2_pa: CASING_PA * config.modulus_ratio, ..Scene::default() };
         let contact = Impact::integral(&scene)?;
         Ok(Self {
             config: config.clone(),
@@ -236,7 +236,7 @@ impl SimulatedRig {
         let onset = drawn.onset + delay;
         let pulse = Pulse { history_n: &self.history_n, per_sample: 1.0 / (config.sample_rate_hz * dt) };
         let (first, last) = pulse.span(onset, self.signal.len());
-        let mut resonators = Resonators::new(&modes(plate), config.sample_rate_hz);
+        let mut resonators = Resonators::new(&modes(plate, config.modulus_ratio), config.sample_rate_hz);
         // Sound from a point falls with distance (section 4.3); the modes are given at 50 mm.
         let gain = drawn.loudness * 0.05 / config.microphone_distance_m;
         let mut before = 0.0;
@@ -251,11 +251,11 @@ impl SimulatedRig {
     }
 }
 
-/// The casing's modes, and that of the layer above a crack.
+/// The casing's modes, at this multiple of its modulus, and that of the layer above a crack.
 ///
 /// The layer sounds with its deflection. Beside the casing's velocity, that adds energy at every frequency; two
 /// velocities would cancel below the layer's resonance.
-fn modes(plate: Option<Plate>) -> [Mode; MODES] {
+fn modes(plate: Option<Plate>, modulus_ratio: f64) -> [Mode; MODES] {
     /// An impulse gives the layer the velocity 1/m; this is its voltage per m/s.
     const LAYER_V_PER_M_PER_S: f64 = 0.35;
     const LAYER_DAMPING: f64 = 0.10;
@@ -265,7 +265,7 @@ fn modes(plate: Option<Plate>) -> [Mode; MODES] {
         voltage_v_per_n_s: LAYER_V_PER_M_PER_S / p.mass_kg,
         phase_rad: -FRAC_PI_2,
     });
-    let [a, b, c, d, e] = CASING;
+    let [a, b, c, d, e] = CASING.map(|mode| Mode { frequency_hz: mode.frequency_hz * modulus_ratio.sqrt(), ..mode });
     [a, b, c, d, e, layer]
 }
 

@@ -29,6 +29,8 @@ pub struct SimulationConfig {
     pub hum_v: f64,
     /// Frequency of the mains.
     pub hum_hz: f64,
+    /// Young's modulus of the casings, as a multiple of the usual: rubber loses about 1 % for each degree that it is warmer.
+    pub modulus_ratio: f64,
     /// Standard deviation of the impact velocity around the planned one.
     pub velocity_jitter: f64,
     /// Standard deviation of the error of measured velocities.
@@ -62,6 +64,7 @@ impl Default for SimulationConfig {
             sound_noise_v: 0.004,
             hum_v: 0.003,
             hum_hz: 50.0,
+            modulus_ratio: 1.0,
             velocity_jitter: 0.01,
             velocity_error: 0.002,
             gain_drift: 0.02,
@@ -92,6 +95,7 @@ impl SimulationConfig {
             ("sound_noise_v", self.sound_noise_v, 0.0, self.sound_full_scale_v),
             ("hum_v", self.hum_v, 0.0, self.sound_full_scale_v),
             ("hum_hz", self.hum_hz, 0.0, 0.5 * self.sample_rate_hz),
+            ("modulus_ratio", self.modulus_ratio, 0.2, 5.0),
             ("velocity_jitter", self.velocity_jitter, 0.0, 0.2),
             ("velocity_error", self.velocity_error, 0.0, 0.2),
             ("gain_drift", self.gain_drift, 0.0, 0.5),

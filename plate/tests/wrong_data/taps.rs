@@ -7,6 +7,7 @@ use tapline_acquire::{Source as _, TapSet};
 use tapline_model::SimulationConfig;
 use tapline_plate::{Casing, Crack, Population, Rig, Tap as PlateTap};
 use tapline_process::{ProcessConfig, ProcessExtractor};
+use tapline_testing::noise::Noise;
 use tapline_wire::{CacheLine, Discriminator, Quality, SampleFormat, Samples, Serial, TapHeader, cache_lines_for};
 
 use crate::tap::{Tap, peak, rig_with_tyres, tap_on};
@@ -21,7 +22,7 @@ fn pulse_at(tap: &Tap) -> usize {
     (0..tap.force.len()).max_by(|&i, &j| tap.force[i].total_cmp(&tap.force[j])).unwrap()
 }
 
-static OF_MODEL: LazyLock<Vec<Tap>> = LazyLock::new(|| of_model(RATE_HZ));
+static OF_MODEL: LazyLock<Vec<Tap>> = LazyLock::new(|| of_model(RATE_HZ, COUNT));
 static OF_PLATE: LazyLock<Vec<Tap>> = LazyLock::new(|| of_plate(RATE_HZ));
 
 /// Samples of 50 ms.
@@ -30,7 +31,7 @@ fn short(rate_hz: f64) -> u32 {
 }
 
 /// Taps of the model's sound and cracked tyres, in 16-bit counts, 50 ms and 400 ms each.
-fn of_model(rate_hz: f64) -> Vec<Tap> {
+fn of_model(rate_hz: f64, count: u32) -> Vec<Tap> {
     let (sample_count, pre_trigger_samples) = (short(rate_hz), (rate_hz / 80.0) as u32);
     let short =
         SimulationConfig { sample_rate_hz: rate_hz, sample_count, pre_trigger_samples, ..SimulationConfig::default() };
@@ -41,7 +42,7 @@ fn of_model(rate_hz: f64) -> Vec<Tap> {
         tap.header.planned_sample_count = tap.header.sample_count;
         tap
     };
-    (0..COUNT).map(tap).collect()
+    (0..count).map(tap).collect()
 }
 
 /// Taps of the plate's sound and cracked casings of a rough population, as floats, 50 ms and 200 ms each.
@@ -66,14 +67,14 @@ fn of_plate(rate_hz: f64) -> Vec<Tap> {
             repetition: (k / 100) as u16,
             attempt: 0,
         };
-        let count = [short, 4 * short][k as usize / 5 % 2];
-        let (mut force, mut sound) = (vec![0.0; count as usize], vec![0.0; count as usize]);
+        let sample_count = [short, 4 * short][k as usize / 5 % 2];
+        let (mut force, mut sound) = (vec![0.0; sample_count as usize], vec![0.0; sample_count as usize]);
         let measured = rig.record(&casing, &tap, &mut force, &mut sound);
         Tap {
             header: TapHeader {
                 microphone_distance_m: rig.microphone_distance_m(),
                 sample_rate_hz: rate_hz,
-                ..header(SampleFormat::F32, count, pre_trigger_samples, (velocity_m_per_s, measured), [1.0; 2])
+                ..header(SampleFormat::F32, sample_count, pre_trigger_samples, (velocity_m_per_s, measured), [1.0; 2])
             },
             force: force.into_iter().map(f64::from).collect(),
             sound: sound.into_iter().map(f64::from).collect(),
@@ -113,8 +114,23 @@ fn clean_taps_are_clean() {
 #[test]
 fn clean_taps_are_clean_at_low_rates() {
     for rate_hz in [20_000.0, 16_000.0, 12_800.0] {
-        assert_clean(&format!("model at {rate_hz} Hz"), &of_model(rate_hz));
+        assert_clean(&format!("model at {rate_hz} Hz"), &of_model(rate_hz, COUNT));
         assert_clean(&format!("plate at {rate_hz} Hz"), &of_plate(rate_hz));
+    }
+}
+
+/// Catches a flag that takes the noise on a finely sampled flank for a second hit.
+#[test]
+fn clean_taps_are_clean_at_high_rates() {
+    for rate_hz in [192_000.0, 500_000.0] {
+        let mut random = Noise(7);
+        let noisy = |mut tap: Tap| {
+            let n_per_count = tap.header.channels[0].unit_per_count;
+            tap.force.iter_mut().for_each(|count| *count += (0.2 / n_per_count * random.normal()).round());
+            tap
+        };
+        let taps: Vec<Tap> = of_model(rate_hz, 100).into_iter().map(noisy).collect();
+        assert_clean(&format!("model at {rate_hz} Hz, 0.2 N of noise"), &taps);
     }
 }
 

@@ -1,6 +1,7 @@
 //! Rules on the force: is it one complete pulse of one impact?
 
 use std::f64::consts::FRAC_2_PI;
+use std::ops::Range;
 
 use tapline_wire::{Discriminator, Quality};
 
@@ -278,47 +279,57 @@ fn hum<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape, config: &QualityConf
 
 /// Whether there is a second pulse besides the greatest. A layer that swings back is none, and neither is the `hum`, in counts.
 fn is_double<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape, hum: f64, config: &QualityConfig) -> bool {
-    let samples = force.track.samples;
-    let limit = |noise: f64| {
-        let (of_peak, of_noise) = (config.double_hit_ratio_max * shape.peak, RISE_SIGMAS * noise);
-        (if of_peak > of_noise { of_peak } else { of_noise }) + 2.0 * hum
-    };
-    // Before: backwards from the pulse to where it is below the limit, and from there to the record's beginning.
-    let of_sample = limit(force.noise);
-    let foot = samples[..shape.begin].iter().rposition(|&x| shape.height(x, force.base) < of_sample);
-    if foot.is_some_and(|foot| greatest(&samples[..foot], force, shape) > of_sample) {
-        return true;
-    }
-    // After: the smallest mean so far, and whether the force rises from it again. Means show a hit that noise hides.
-    let of_mean = limit(force.noise / (MEAN_OF as f64).sqrt());
+    // Means show a hit that noise hides.
+    let noise = force.noise / (MEAN_OF as f64).sqrt();
+    let (of_peak, of_noise) = (config.double_hit_ratio_max * shape.peak, RISE_SIGMAS * noise);
+    let rise = (if of_peak > of_noise { of_peak } else { of_noise }) + 2.0 * hum;
+    let heights = Heights { means: force.means, base: force.base, shape };
+    // A layer swings back only after the pulse.
     let first = shape.peak_at / MEAN_OF + 1;
-    let mut valley = (shape.peak, shape.peak_at);
-    let height_of = |mean: f32| shape.sign * (f64::from(mean) - force.base);
-    let mut may_rise = true;
-    for (number, &mean) in force.means.iter().enumerate().skip(first) {
-        let height = height_of(mean);
-        // Once the pulse is over, most taps end here: nothing behind it is that high.
-        if may_rise && height <= of_mean {
-            may_rise = false;
-            let extent = Extent::find(&force.means[number..]);
-            let is_low = |of: Extent<f32>| height_of(of.least) <= of_mean && height_of(of.largest) <= of_mean;
-            if extent.is_some_and(is_low) {
-                return false;
-            }
-        }
-        let floor = if valley.0 > 0.0 { valley.0 } else { 0.0 };
-        if height > floor + of_mean {
-            return is_whole_impact(force, shape, valley.1, config);
-        }
-        valley = if height < valley.0 { (height, number * MEAN_OF) } else { valley };
-    }
-    false
+    heights.valley((0..shape.begin / MEAN_OF).rev(), |until| 0..until + 1, rise).is_some()
+        || heights
+            .valley(first..force.means.len(), |from| from..force.means.len(), rise)
+            .is_some_and(|valley| is_whole_impact(force, shape, valley * MEAN_OF, config))
 }
 
-/// The greatest height in `samples`, counts.
-fn greatest<C: Count>(samples: &[C], force: &ForceRecord<'_, C>, shape: &Shape) -> f64 {
-    let extreme = Extent::find(samples).map(|e| if shape.sign < 0.0 { e.least } else { e.largest });
-    extreme.map_or(0.0, |x| shape.height(x, force.base))
+/// The means of the force as heights over its base.
+struct Heights<'a> {
+    means: &'a [f32],
+    base: f64,
+    shape: &'a Shape,
+}
+
+impl Heights<'_> {
+    /// The lowest of the means `numbers`, which lead away from the pulse, before the force rises by more than `rise` from it; `None` if it
+    /// does not. `rest` gives the means from a number on. Of a flank, only its noise rises, however finely it is sampled.
+    fn valley(
+        &self,
+        numbers: impl Iterator<Item = usize>,
+        rest: impl Fn(usize) -> Range<usize>,
+        rise: f64,
+    ) -> Option<usize> {
+        let height_of = |mean: f32| self.shape.sign * (f64::from(mean) - self.base);
+        let mut valley = (self.shape.peak, self.shape.peak_at / MEAN_OF);
+        let mut may_rise = true;
+        for number in numbers {
+            let height = height_of(self.means[number]);
+            // Once the pulse is over, most taps end here: nothing beyond it is that high.
+            if may_rise && height <= rise {
+                may_rise = false;
+                let extent = Extent::find(&self.means[rest(number)]);
+                let is_low = |of: Extent<f32>| height_of(of.least) <= rise && height_of(of.largest) <= rise;
+                if extent.is_some_and(is_low) {
+                    return None;
+                }
+            }
+            let floor = if valley.0 > 0.0 { valley.0 } else { 0.0 };
+            if height > floor + rise {
+                return Some(valley.1);
+            }
+            valley = if height < valley.0 { (height, number) } else { valley };
+        }
+        None
+    }
 }
 
 /// Whether the impulse until sample `until` has thrown the impactor back, so that only a second hit can bring another

@@ -4,20 +4,20 @@ use std::cmp::Reverse;
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Result;
 use tapline_host::atomic_file::{Existing, write_atomically};
 use tapline_store::{Finished, Reader, Unreported, last_finished};
-use tapline_wire::{CasingHeader, Reasons, now_ns};
+use tapline_wire::{CasingHeader, Quality, Reasons, now_ns};
 
 use crate::shown::casing::{CasingStatus, Layout, retaken};
 use crate::shown::rig::ASKS;
 use crate::shown::verdict::{CasingVerdict, calibration, since_last_tap_s};
 use crate::shown::whole::Whole;
 
-use super::{SHOWN_MAX, Supervisor, station_of};
+use super::{ROOM_MIN, SHOWN_MAX, Supervisor, station_of};
 
 impl Supervisor<'_> {
     pub(super) fn closed(&mut self, header: &CasingHeader, path: PathBuf) {
@@ -126,8 +126,13 @@ impl Supervisor<'_> {
                 }
                 self.note_judged(&verdict, &reader);
                 self.shown.verdicts.retain(|shown| shown.file != verdict.file);
-                self.shown.verdicts.truncate(SHOWN_MAX - 1);
                 self.shown.verdicts.insert(0, verdict);
+                // A station's light shows its last one, however many come from the others.
+                let (mut count, mut stations) = (0, BTreeSet::new());
+                self.shown.verdicts.retain(|shown| {
+                    count += 1;
+                    stations.insert(shown.station) || count <= SHOWN_MAX
+                });
             }
             Err(error) => {
                 self.leave_out(format!("{}: cannot read the verdict", path.display()));
@@ -147,6 +152,25 @@ impl Supervisor<'_> {
             tracing::error!(casing = name, "cannot print the verdict, which is in {file}: {error:#}");
             self.alarm(format!("casing {name}: the verdict could not be printed; it is in its file"));
         }
+    }
+
+    /// Raises an alarm about flags on most taps of a casing: a sensor or the rig is to be looked at before the next one.
+    fn watch_signals(&mut self, verdict: &CasingVerdict) {
+        let flags: BTreeSet<&String> = verdict.shoulders.iter().flat_map(|of| of.whole.flags.keys()).collect();
+        for flag in flags {
+            let meaning = Quality::named(flag).meaning();
+            self.alarm(format!("station {}: most taps of a casing are {flag}: {meaning}", verdict.station));
+        }
+    }
+
+    /// Notes whether the disk has room for few more casings like the one in `file`.
+    fn watch_room(&mut self, file: &Path) {
+        let (Ok(room), Ok(last)) = (rustix::fs::statvfs(&self.shown.out), self.shown.out.join(file).metadata()) else {
+            return;
+        };
+        let casings = room.f_bavail.saturating_mul(room.f_frsize) / last.len().max(1);
+        self.room = (casings < ROOM_MIN)
+            .then(|| format!("the disk of {} has room for some {casings} more casings", self.shown.out.display()));
     }
 
     /// Counts a casing whose verdict was unreported, and keeps its state for viewers.
@@ -171,6 +195,8 @@ impl Supervisor<'_> {
             (station.calibrated_on, station.calibration_ends, station.is_calibration_out_of_date) = calibration(reader);
         }
         self.watch_rig(verdict);
+        self.watch_signals(verdict);
+        self.watch_room(&verdict.file);
     }
 
     /// Logs what the last casings of a station have in common, and keeps it for viewers.

@@ -44,8 +44,11 @@ const CLEAR_EVERY: Duration = Duration::from_secs(60);
 /// Most faults of stations among the troubles of the line.
 const FAULTS_MAX: usize = 4;
 
-/// Most verdicts and alarms that the status shows.
+/// Most verdicts and alarms that the status shows, besides the last verdict of each station.
 const SHOWN_MAX: usize = 16;
+
+/// The line is in trouble while its disk has room for fewer casings like the last.
+const ROOM_MIN: u64 = 100;
 
 /// The outcome of a line.
 #[derive(Debug, Clone, Default)]
@@ -125,6 +128,8 @@ pub(crate) struct Supervisor<'a> {
     with_rig: Vec<u16>,
     open: Vec<Open>,
     shown: Status,
+    /// That the disk has room for few more casings.
+    room: Option<String>,
     /// The alarm that said that the archive cannot be written, until it can.
     held_since: Option<String>,
     shown_at: Instant,
@@ -174,6 +179,7 @@ impl<'a> Supervisor<'a> {
             with_rig: setup.rigs.clone(),
             open: Vec::new(),
             shown: Status { out: setup.out.clone(), pid: std::process::id(), stations, ..Status::default() },
+            room: None,
             held_since: None,
             shown_at: Instant::now(),
             looked_at: Instant::now(),
@@ -256,6 +262,10 @@ impl<'a> Supervisor<'a> {
                 }
             }
             Some(RecordKind::Closed) => self.closed(&header, PathBuf::from(text_of(record))),
+            Some(RecordKind::Alarm) if number != 0 => {
+                self.leave_out(text_of(record));
+                self.alarm(text_of(record));
+            }
             Some(RecordKind::Alarm) => self.held(text_of(record)),
             Some(RecordKind::Refusal) if number != 0 => self.lost_file(number, &text_of(record)),
             Some(RecordKind::Refusal) => {
@@ -293,6 +303,9 @@ impl<'a> Supervisor<'a> {
             };
             self.audience.progress.print(&format!("casing {name} {how}: {there} taps are done"));
         }
+        if let Some(station) = self.station(station) {
+            (station.refused, station.removed) = (None, None);
+        }
         // What was done before is not on the rig any more.
         drop(std::fs::remove_file(tapline_acquire::last_on_rig(&self.shown.out, station)));
         tracing::info!(casing = name, station, "is begun");
@@ -318,6 +331,7 @@ impl<'a> Supervisor<'a> {
                 if let Some(station) = self.station(number) {
                     match kind {
                         Some(RecordKind::Fault) => station.fault = Some(text).filter(|text| !text.is_empty()),
+                        Some(RecordKind::Removed) => station.removed = Some(text),
                         _ => station.waits_for = text,
                     }
                 }
@@ -331,6 +345,7 @@ impl<'a> Supervisor<'a> {
         self.audience.wires.iter().for_each(|wires| wires.now.refused(number));
         if let Some(station) = self.station(number) {
             station.last = None;
+            station.refused = Some(Alarm { at_ns: now_ns(), text: text.clone() });
         }
         self.leave_out(text.clone());
         self.alarm(text);
@@ -457,7 +472,7 @@ impl<'a> Supervisor<'a> {
     /// What keeps the line from working as it should.
     fn troubles(&self) -> Vec<String> {
         let is_ending = self.shown.is_ending.then(|| "the line is ending".to_owned());
-        let of_line = self.shown.held_by.clone().into_iter().chain(is_ending);
+        let of_line = self.shown.held_by.clone().into_iter().chain(self.room.clone()).chain(is_ending);
         let of_wires = self.audience.wires.as_ref().map(|wires| wires.outbox.troubles()).unwrap_or_default();
         let of_receivers = self.shown.receivers.iter().filter_map(|receiver| receiver.trouble.clone());
         let of_stations = self.shown.stations.iter();

@@ -10,7 +10,11 @@
   const STATES = {
     pass: 'PASS', 're-inspect': 'RE-INSPECT', reject: 'REJECT',
     scanning: 'SCANNING', judging: 'JUDGING', idle: 'NO CASING', unknown: 'NO SIGNAL',
+    stopped: 'STOPPED', refused: 'REFUSED', held: 'WAITING',
   };
+  const VERDICTS_SHOWN = 16;
+  // How a verdict was reached, for the report; people at the station need not act on it.
+  const FOR_THE_REPORT = ['damage', 'suspect', 'extrapolated', 'self_reference', 'velocity_unknown'];
   const SVG = 'http://www.w3.org/2000/svg';
   const byId = (id) => document.getElementById(id);
   const cards = new Map();
@@ -62,9 +66,9 @@
     if (shape) {
       svg.append(draw(shape[0], { ...shape[1], stroke: mark[1], 'stroke-width': 2 }));
       svg.append(draw('path', { d: mark[0], stroke: mark[1], 'stroke-width': 6, fill: 'none' }));
-    } else if (state === 'unknown') {
+    } else if (['unknown', 'stopped', 'refused', 'held'].includes(state)) {
       svg.append(draw('rect', { x: 4, y: 4, width: 40, height: 40, fill: 'none', stroke: 'currentColor', 'stroke-width': 3, 'stroke-dasharray': '6 4' }));
-      svg.append(draw('text', { x: 24, y: 35, 'text-anchor': 'middle', 'font-size': 32, 'font-weight': 800, fill: 'currentColor' }, '?'));
+      svg.append(draw('text', { x: 24, y: 35, 'text-anchor': 'middle', 'font-size': 32, 'font-weight': 800, fill: 'currentColor' }, state === 'unknown' ? '?' : '!'));
     } else if (state === 'idle') {
       svg.append(draw('path', { d: 'M8 24 L40 24', stroke: 'currentColor', 'stroke-width': 6 }));
     } else {
@@ -88,13 +92,22 @@
     if (s < 3600) return `${Math.round(s / 60)} min ago`;
     return `at ${moment(ns)}`;
   }
+  // A clock that was set back makes a verdict neither new nor old.
+  const isRecent = (ns, withinMs) => Math.abs(ageMs(ns)) < withinMs;
   const degrees = (deg) => `${Math.round(deg)}°`;
-  const reasonsOf = (shoulder) => shoulder.reasons.split('|').join(', ').replaceAll('_', ' ');
+  // The reasons for which someone should look, in words.
+  const meanings = JSON.parse(document.body.dataset.reasons);
+  function reasonsOf(shoulder) {
+    const names = shoulder.reasons.split('|').filter((name) => name && !FOR_THE_REPORT.includes(name));
+    const flags = Object.entries(shoulder.flags ?? {}).map(([flag, part]) => `${flag.replaceAll('_', ' ')} on ${Math.round(100 * part)} % of the taps`);
+    return names.map((name) => (name === 'flagged' && flags.length ? `${flags.join(', ')}.` : meanings[name] ?? name)).join(' ');
+  }
   function placeOf(arc) {
     if (arc.start_deg === null || arc.end_deg === null) return `locations ${arc.first_location} to ${arc.last_location}`;
     const [from, to] = ends(arc);
     // The outermost locations, as in the report; the arc is drawn half a step farther.
-    return to - from >= 359.9 ? 'all round' : `${degrees(arc.start_deg)} to ${degrees(arc.end_deg)}`;
+    if (to - from >= 359.9) return 'all round';
+    return arc.first_location === arc.last_location ? `at ${degrees(arc.start_deg)}` : `${degrees(arc.start_deg)} to ${degrees(arc.end_deg)}`;
   }
   // Halfway to the neighbours of the first and the last location.
   function ends(arc) {
@@ -184,8 +197,8 @@
       return [lamp];
     });
     const where = arcs.map(placeOf).join(', ');
-    const why = judged && judged.verdict !== 'PASS' ? reasonsOf(judged) : '';
-    put(of.caption, [name, where || why].filter(Boolean).join(': '));
+    const why = judged ? reasonsOf(judged) : '';
+    put(of.caption, [name, [where, why].filter(Boolean).join('. ')].filter(Boolean).join(': '));
     const refusals = refused ? `, ${refused} with a refused tap` : '';
     const state = judged ? `${judged.verdict}${where ? `, damage at ${where}` : ''}` : `${done} of ${count} locations tapped`;
     set(of.svg, 'aria-label', `${name}: ${state}${refusals}`);
@@ -222,15 +235,17 @@
   function stateOf(station) {
     if (!isLive) return { state: 'unknown' };
     const { casing, last } = station;
+    // What is at a station whose rig or device is away is not known.
+    if (station.fault) return { state: station.fault.startsWith('the rig is stopped') ? 'stopped' : 'unknown', casing };
     if (casing) {
       const isTapped = casing.planned > 0 && casing.archived + casing.refused >= casing.planned;
       return { state: isTapped ? 'judging' : 'scanning', casing };
     }
-    // What is at a station whose rig or device is away is not known.
-    if (station.fault) return { state: 'unknown' };
-    const verdict = verdictOf(station);
     // Held, the line does not know whether another casing has come.
-    const isCurrent = verdict && last && !status.held_by && ageMs(verdict.at_ns) < LIT_MS;
+    if (status.held_by) return { state: 'held' };
+    if (station.refused && isRecent(station.refused.at_ns, LIT_MS)) return { state: 'refused' };
+    const verdict = verdictOf(station);
+    const isCurrent = verdict && last && station.removed !== last.name && isRecent(verdict.at_ns, LIT_MS);
     if (isCurrent) return { state: kindOf(verdict.verdict), casing: last, verdict };
     return { state: 'idle' };
   }
@@ -271,7 +286,8 @@
       ['taps refused', tally.refused + open.refused], ['missing', tally.missing], ['taken again', tally.retaken + open.retaken],
     ].filter(([, value], k) => k < 3 || value > 0);
     keyed(parts.facts, JSON.stringify(facts), () => facts.map(([name, value]) => make('div', {}, make('dt', {}, name), make('dd', {}, String(value)))));
-    const waits = isLive && station.waits_for && !station.waits_for.startsWith('nothing') ? `Waits for ${station.waits_for}` : '';
+    const waits = !isLive ? '' : state === 'refused' ? station.refused.text
+      : station.waits_for && !station.waits_for.startsWith('nothing') ? `Waits for ${station.waits_for}` : '';
     put(parts.waits, waits);
     const before = isLive && !verdict ? verdictOf(station) : undefined;
     keyed(parts.before, before ? before.casing + before.at_ns : '', () => (before ? ['Previous: ', sign(kindOf(before.verdict)), ` ${before.casing} ${before.verdict}, at ${moment(before.at_ns)}`] : []));
@@ -288,7 +304,7 @@
     const isMany = new Set(verdict.shoulders.map((of) => of.tyre)).size > 1;
     return verdict.shoulders.map((of) => {
       const name = isMany ? `${of.tyre}/${of.shoulder}` : String(of.shoulder);
-      const why = of.arcs.length ? of.arcs.map(placeOf).join(', ') : reasonsOf(of);
+      const why = [of.arcs.map(placeOf).join(', '), reasonsOf(of)].filter(Boolean).join('. ');
       return make('p', {}, `${name}: ${of.verdict}${why ? `, ${why}` : ''}`);
     });
   }
@@ -300,11 +316,16 @@
       return make('p', {}, make('a', { href: `/report?${query}`, target: '_blank', rel: 'noopener', 'aria-label': `Report of ${tyre}` }, name));
     });
   }
+  // Of a casing that was scanned before on that day, with the number of its scan.
+  function nameOf(verdict) {
+    const [, again] = verdict.file.match(/\.(\d+)\.h5$/) ?? [];
+    return again ? `${verdict.casing} (scan ${again})` : verdict.casing;
+  }
   function row(verdict) {
     const kind = kindOf(verdict.verdict);
     const cell = (label, name, ...children) => make('td', { 'data-label': label, class: name }, ...children);
     return make('tr', { 'data-casing': verdict.casing, 'data-verdict': verdict.verdict },
-      cell('Time', 'time', moment(verdict.at_ns)), cell('Station', 'number', String(verdict.station)), cell('Casing', 'serial', verdict.casing),
+      cell('Time', 'time', moment(verdict.at_ns)), cell('Station', 'number', String(verdict.station)), cell('Casing', 'serial', nameOf(verdict)),
       cell('Verdict', 'kind', make('span', { class: 'verdict' }, sign(kind), verdict.verdict)),
       cell('Shoulders', 'shoulders', ...shouldersOf(verdict)), cell('Report', 'report', ...reportsOf(verdict)));
   }
@@ -316,7 +337,7 @@
     } else {
       status.troubles.forEach((trouble) => lines.push(['trouble', `▲ ${trouble}`]));
       const alarm = status.alarms.find(({ text }) => !text.startsWith('over: '));
-      if (alarm && ageMs(alarm.at_ns) < ALARM_NEW_MS) lines.push(['alarm', `▲ Alarm, ${moment(alarm.at_ns)}: ${alarm.text}`]);
+      if (alarm && isRecent(alarm.at_ns, ALARM_NEW_MS)) lines.push(['alarm', `▲ Alarm, ${moment(alarm.at_ns)}: ${alarm.text}`]);
     }
     keyed(byId('banner'), JSON.stringify(lines), () => lines.map(([kind, text]) => make('p', { class: kind }, text)));
   }
@@ -326,7 +347,7 @@
     byId('alarms').hidden = alarms.length === 0;
     byId('alarm-count').hidden = alarms.length === 0;
     put(byId('alarm-count'), `▲ ${alarms.length} ${alarms.length === 1 ? 'alarm' : 'alarms'}`);
-    const items = alarms.map((alarm) => [`${new Date(alarm.at_ns / 1e6).toLocaleString()}: ${alarm.text}`, ageMs(alarm.at_ns) < ALARM_NEW_MS]);
+    const items = alarms.map((alarm) => [`${new Date(alarm.at_ns / 1e6).toLocaleString()}: ${alarm.text}`, isRecent(alarm.at_ns, ALARM_NEW_MS)]);
     keyed(byId('alarm-list'), JSON.stringify(items), () => items.map(([text, isNew]) => make('li', { class: isNew ? 'new' : '' }, `▲ ${text}`)));
   }
 
@@ -336,7 +357,7 @@
     ], [0, 0, 0]);
     const numbers = [
       ['taps/s', status.taps_per_s.toFixed(1)], ['casings judged', status.closed_count], ['taps archived', taps[0]],
-      ['refused', taps[1]], ['missing', taps[2]],
+      ['taps refused', taps[1]], ['taps missing', taps[2]], ['casings refused', status.refused_count],
     ];
     keyed(byId('numbers'), JSON.stringify(numbers), () => numbers.map(([name, value]) => make('div', {}, make('dt', {}, name), make('dd', {}, String(value)))));
   }
@@ -369,7 +390,8 @@
     put(byId('no-verdicts'), 'None in this folder yet.');
     byId('no-verdicts').hidden = status.verdicts.length > 0;
     put(byId('verdicts-title'), isLive ? 'Last verdicts' : 'Last verdicts before the signal was lost');
-    keyed(byId('verdict-list'), JSON.stringify(status.verdicts.map((verdict) => [verdict.casing, verdict.at_ns])), () => status.verdicts.map(row));
+    const verdicts = status.verdicts.slice(0, VERDICTS_SHOWN);
+    keyed(byId('verdict-list'), JSON.stringify(verdicts.map((verdict) => [verdict.casing, verdict.at_ns])), () => verdicts.map(row));
   }
 
   function lose(why) {

@@ -91,6 +91,14 @@ impl<'a> Notices<'a> {
         self.queue(&once, |role| role == Role::Supervisor);
     }
 
+    /// Queues for the supervisor why the casing of this number, which was half tapped, has no verdict.
+    pub(super) fn put_aside(&mut self, number: u64, why: &str) {
+        let mut header = CasingHeader::default();
+        header.stamp.casing = number;
+        let once = Once { kind: RecordKind::Alarm, header, text: why.to_owned(), marker: None };
+        self.queue(&once, |role| role == Role::Supervisor);
+    }
+
     /// Queues the notice that a proposal is refused, or its casing finished already, for the station and the supervisor.
     pub(super) fn answer(&mut self, acquire: u16, kind: RecordKind, header: CasingHeader, text: &str) {
         let concerns = |role| role == Role::Acquire(acquire) || role == Role::Supervisor;

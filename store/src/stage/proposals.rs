@@ -1,11 +1,17 @@
 //! What stations propose: a casing to open, or one to give up.
 
-use tapline_wire::{Plan, ProposalTopic, Received, RecordKind, ScanState, TapState, Topic as _, decode_proposal};
+use std::fs;
+use std::path::Path;
+use std::time::UNIX_EPOCH;
+
+use tapline_wire::{
+    Plan, ProposalTopic, Received, RecordKind, ScanState, TapState, Topic as _, casing_number, decode_proposal, now_ns,
+};
 
 use super::StageLoop;
 use super::open_casing::{Due, OpenCasing};
 use super::outcome::{RunError, write_failure};
-use super::places::escaped;
+use super::places::{escaped, name_of_open, stem_of};
 use crate::error::{Error, Result};
 use crate::read::reader::Reader;
 use crate::write::Writer;
@@ -16,19 +22,19 @@ impl StageLoop<'_> {
         self.run.places.create()?;
         self.take_up_finished()?;
         for path in self.run.places.open_files()? {
+            let written_ns = written_ns(&path);
             let resume = || Writer::resume(&path, self.run.lineage());
             // What cannot be read may have been a moment's trouble.
             let again = |error: Error| if error.is_unreadable_part() { resume() } else { Err(error) };
             match resume().or_else(again) {
-                Ok(writer) => self.open.push(OpenCasing::new(writer)),
+                Ok(writer) => self.open.push(OpenCasing::new(writer, written_ns)),
                 Err(Error::Finished { .. }) => match Reader::open(&path) {
                     Ok(sealed) => self.take_up_sealed(&path, sealed.plan())?,
                     Err(error) if error.is_recoverable() && !error.is_unreadable_part() => {
                         return Err(write_failure(error));
                     }
                     Err(error) => {
-                        let left = self.run.places.leave(&path).map_err(write_failure)?;
-                        tracing::error!("{error}; this finished casing is put aside as {}", left.display());
+                        self.put_aside(&path, &error)?;
                     }
                 },
                 // A bad sector does not go away.
@@ -37,11 +43,21 @@ impl StageLoop<'_> {
                 }
                 Err(error) => {
                     // Where the whole file system has failed, the file cannot be moved either.
-                    let left = self.run.places.leave(&path).map_err(write_failure)?;
-                    tracing::error!("{error}; what exists of this casing is put aside as {}", left.display());
+                    self.put_aside(&path, &error)?;
                 }
             }
         }
+        Ok(())
+    }
+
+    /// Puts aside the file of a casing that cannot be continued because of `error`: it gets no verdict unless it is tapped again.
+    fn put_aside(&mut self, path: &Path, error: &Error) -> Result<(), RunError> {
+        let left = self.run.places.leave(path).map_err(write_failure)?;
+        let stem = stem_of(path);
+        let text =
+            format!("casing {} has no verdict: {error}; it is put aside as {}", name_of_open(&stem), left.display());
+        tracing::error!("{text}");
+        self.notices.put_aside(casing_number(&stem), &text);
         Ok(())
     }
 
@@ -73,10 +89,13 @@ impl StageLoop<'_> {
                 open.acquire = Due::ALL;
                 return Ok(());
             }
-            let reason = format!(
-                "casing {name} is already open at station {}: it may come again when that is done",
-                open.station
-            );
+            let cure = match self.line.limits().acquire_of(open.station) {
+                Some(_) => "it may come again when that is done",
+                None => {
+                    "that station is not in the configuration: put it back, or move the file out of the folder `open`"
+                }
+            };
+            let reason = format!("casing {name} is already open at station {}: {cure}", open.station);
             self.notices.answer(acquire, RecordKind::Refusal, header, &reason);
             return Ok(());
         }
@@ -95,7 +114,7 @@ impl StageLoop<'_> {
             }
         });
         match writer {
-            Ok(writer) => self.open.push(OpenCasing::new(writer)),
+            Ok(writer) => self.open.push(OpenCasing::new(writer, now_ns())),
             Err(RunError::Archive(error)) => {
                 self.notices.answer(acquire, RecordKind::Refusal, header, &error.to_string());
             }
@@ -148,4 +167,11 @@ impl StageLoop<'_> {
         self.is_urgent = true;
         Ok(())
     }
+}
+
+/// When the file at `path` was last written, nanoseconds since the Unix epoch; 0 if that is unknown.
+fn written_ns(path: &Path) -> i64 {
+    let written = fs::metadata(path).and_then(|metadata| metadata.modified()).ok();
+    let since = written.and_then(|at| at.duration_since(UNIX_EPOCH).ok());
+    since.and_then(|since| i64::try_from(since.as_nanos()).ok()).unwrap_or(0)
 }

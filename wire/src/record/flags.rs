@@ -120,7 +120,7 @@ flags! {
         REFERENCE_LACKS_FEATURES = 19, "reference_lacks_features":
             "A discriminator is absent from a shoulder that this one is compared with: that one has features_absent.";
         LEVEL_UNKNOWN = 20, "level_unknown":
-            "The reference has too few casings to tell how the levels of sound shoulders differ: damage all round would not show.";
+            "How the levels of sound shoulders differ is not known: the reference has too few casings, or a discriminator is absent. Damage all round would not show.";
         NOT_COMPARABLE = 21, "not_comparable":
             "The reference was tapped at other places, or recorded or analysed differently: this casing could not be compared with it.";
         ONE_SHOULDER = 22, "one_shoulder":

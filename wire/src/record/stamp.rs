@@ -21,10 +21,12 @@ pub enum RecordKind {
     Ledger,
     /// A casing's file is closed; its path follows as text.
     Closed,
-    /// What people should know of a station, or why the archive cannot be written; it follows as text.
+    /// What people should know of a station or of a casing, or why the archive cannot be written; it follows as text.
     Alarm,
     /// What keeps a station from taking in casings; it follows as text, which is empty when nothing does any more.
     Fault,
+    /// A casing that was done was taken off a station's rig; its name follows.
+    Removed,
 }
 
 /// What the text of an alarm begins with that has ended; the text of that alarm follows.
@@ -42,6 +44,7 @@ coded!(
     Closed = 8,
     Alarm = 9,
     Fault = 10,
+    Removed = 11,
 );
 
 /// Identity of a record: its sender, when the sender started, and its position in what the sender has sent.

@@ -110,10 +110,13 @@ impl Dialogue {
         std::mem::take(&mut self.messages)
     }
 
-    /// Why there is no connection to the rig, as text for people; `None` while there is one.
+    /// Why the rig does nothing, as text for people: there is no connection to it, or it is stopped.
     pub(crate) fn fault(&self) -> Option<String> {
+        if self.rig_name.is_some() {
+            return self.stopped.as_ref().map(|why| format!("the rig is stopped: {why}"));
+        }
         let why = self.fault.as_deref().unwrap_or("it has not answered yet");
-        self.rig_name.is_none().then(|| format!("there is no connection to the rig at {}: {why}", self.config.address))
+        Some(format!("there is no connection to the rig at {}: {why}", self.config.address))
     }
 
     /// What the station is waiting for, as text for people.

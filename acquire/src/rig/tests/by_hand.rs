@@ -84,14 +84,14 @@ fn a_casing_that_is_done_is_not_scanned_again() {
     drop((rig, bench));
     // As the line writes it.
     std::fs::write(&last_end, "T 1").unwrap();
-    let bench = Bench::of(config);
+    let mut bench = Bench::of(config);
     let mut rig = ByHand::accept(&listener);
     rig.say("hello rig 1\ncasing T 1\n");
     assert_eq!(rig.hear(), "closed T 1");
     rig.say("removed\ncasing T 1\n");
     assert_eq!(rig.hear(), "scan T 1 7", "it was taken off: it is to be scanned again");
     assert!(!last_end.exists(), "the next line is to scan it too");
-    drop(bench);
+    assert_eq!(bench.arrivals.take_messages(), [(RecordKind::Removed, "T 1".to_owned())]);
 }
 
 /// Catches a rig that is away for ever being waited for as long.

@@ -15,7 +15,10 @@ fn a_rig_is_homed_before_it_moves_and_after_it_was_stopped() {
     // It stays homed.
     bench.until_told(&mut casing, 1, "move 1 1 60 5");
     assert_eq!(rig.hear(), "move 1 1 60 5");
-    rig.say("stopped door\nrunning\n");
+    rig.say("stopped door\n");
+    bench.until(|waits_for| waits_for.ends_with("it is stopped (door)"));
+    assert_eq!(bench.arrivals.fault().as_deref(), Some("the rig is stopped: door"));
+    rig.say("running\n");
     bench.until_told(&mut casing, 1, "home");
     assert_eq!(rig.hear(), "home");
     rig.say("stopped door\nhomed\nrunning\n");

@@ -1,4 +1,4 @@
-//! What changes after a verdict makes another; what does not, does not.
+//! A casing that is judged again is as if it were judged at once.
 
 use super::*;
 
@@ -15,33 +15,6 @@ fn judged() -> (Fusion, Plan, Vec<Discriminators>) {
 }
 
 #[test]
-fn an_end_that_comes_twice_is_one_end() {
-    // Catches a verdict that is sent again for every ledger that says the scan has ended.
-    let (mut fusion, ..) = judged();
-    fusion.end(0).unwrap();
-    fusion.end(1).unwrap();
-    assert_eq!(fusion.ready(), [0_usize; 0]);
-}
-
-#[test]
-fn an_end_after_a_verdict_asks_for_another() {
-    // Catches a scan that was looked at before its end and stays RE-INSPECT for ever, and so does its other shoulder.
-    let (_, plan, all) = judged();
-    let mut fusion = Fusion::new(&FuseConfig::by(Reference::Own), &plan).unwrap();
-    for record in &all {
-        fusion.push(record).unwrap();
-    }
-    fusion.end(0).unwrap();
-    for scan in [0, 1] {
-        assert!(fusion.judge(scan).unwrap().0.reasons.contains(Reasons::NOT_ENDED));
-    }
-    assert_eq!(fusion.ready(), [0_usize; 0]);
-    fusion.end(1).unwrap();
-    assert_eq!(fusion.ready(), [0, 1], "scan 0 rests on scan 1 too");
-    assert!(!fusion.judge(0).unwrap().0.reasons.contains(Reasons::NOT_ENDED));
-}
-
-#[test]
 fn a_newer_record_makes_another_verdict() {
     // Catches results that are kept though what they came from has changed: judged again is as if judged at once.
     let (mut fusion, plan, all) = judged();
@@ -53,14 +26,12 @@ fn a_newer_record_makes_another_verdict() {
         record.values.set(Discriminator::Pr, record.values.get(Discriminator::Pr).map(|pr| 1.2 * pr));
         fusion.push(record).unwrap();
     }
-    assert_eq!(fusion.ready(), [0, 1]);
     let mut at_once = whole(&FuseConfig::by(Reference::Own), &plan, &[all, newer].concat());
     for scan in [0, 1] {
         let again = bits(&fusion.judge(scan).unwrap());
         assert_eq!(again, bits(&at_once.judge(scan).unwrap()), "{scan}");
         assert_ne!(again, before[scan], "{scan}");
     }
-    assert_eq!(fusion.ready(), [0_usize; 0]);
 }
 
 #[test]
