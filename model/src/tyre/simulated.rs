@@ -258,6 +258,7 @@ impl SimulatedRig {
 fn modes(plate: Option<Plate>, modulus_ratio: f64) -> [Mode; MODES] {
     /// An impulse gives the layer the velocity 1/m; this is its voltage per m/s.
     const LAYER_V_PER_M_PER_S: f64 = 0.35;
+    /// Assumed. In the contact the layer has half the rubber's loss tangent, 0.22.
     const LAYER_DAMPING: f64 = 0.10;
     let layer = plate.map_or(Mode::SILENT, |p| Mode {
         frequency_hz: (p.stiffness_n_per_m / p.mass_kg).sqrt() / TAU,
