@@ -271,7 +271,6 @@ impl<'a> Supervisor<'a> {
             Some(RecordKind::Refusal) => {
                 self.refused(station_of(&header), format!("station {}: {}", header.station, text_of(record)));
                 self.outcome.refused += 1;
-                self.shown.refused_count += 1;
             }
             _ => return,
         }
@@ -342,6 +341,7 @@ impl<'a> Supervisor<'a> {
 
     /// Handles a casing that came to the station `number` and is refused: the last verdict is not about what is there now.
     fn refused(&mut self, number: u16, text: String) {
+        self.shown.refused_count += 1;
         self.audience.wires.iter().for_each(|wires| wires.now.refused(number));
         if let Some(station) = self.station(number) {
             station.last = None;
