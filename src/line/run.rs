@@ -214,7 +214,7 @@ impl Drop for Workplace {
     fn drop(&mut self) {
         match self.address.clear() {
             Ok(true) => {}
-            // The stages have ended. Viewers need only what they have mapped, and see that the line has ended.
+            // The stages have ended: whoever still has something of it open needs only what is mapped.
             Ok(false) => self.address.remove(),
             Err(error) => tracing::warn!(%error, "cannot clear away the line's shared memory"),
         }

@@ -60,6 +60,11 @@ pub(crate) struct Setup {
 
 const SETUP: &str = "setup.json";
 
+/// The file in which the line at `address` shows its status.
+pub(crate) fn status_file(address: &LineAddress) -> PathBuf {
+    address.root().join("status.json")
+}
+
 impl Setup {
     /// The setup of `job` on the casings of `arriving`, with results in `out`.
     pub(crate) fn new(job: &Job, arriving: Arriving, out: &Path) -> Result<Self> {

@@ -99,7 +99,7 @@ pub(crate) fn stage(args: &StageArgs) -> Result<bool> {
             let stations = setup.arrivals(&job, number, &wake)?;
             Work::Acquire(tapline_acquire::run(&line, stations, &job.config.acquire)?)
         }
-        Role::Supervisor | Role::Viewer(_) => bail!("{} is no stage", args.stage),
+        Role::Supervisor => bail!("{} is no stage", args.stage),
     };
     report(work)
 }

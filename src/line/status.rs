@@ -1,8 +1,8 @@
 //! `tapline status`: the state of a running line.
 
 use std::fmt::{self, Write as _};
+use std::fs;
 use std::io::{self, IsTerminal as _, Write as _};
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -12,11 +12,11 @@ use tapline_host::messages::counted;
 use tapline_host::signals::stop_flag;
 use tapline_host::stdout::Stdout;
 use tapline_host::table::{break_last_column, table};
-use tapline_wire::{Line, Role, StatusTopic, Subscriber, Verdict, now_ns};
+use tapline_wire::{Verdict, now_ns};
 
 use crate::cli::line::StatusArgs;
 use crate::line::out_folder::OutFolder;
-use crate::line::setup::Setup;
+use crate::line::setup::status_file;
 use crate::shown::casing::CasingStatus;
 use crate::shown::status::Status;
 use crate::shown::verdict::{CasingVerdict, ShoulderVerdict};
@@ -32,28 +32,18 @@ pub(crate) fn status(args: &StatusArgs) -> Result<bool> {
     let Some(found) = OutFolder::find_line(&args.out)? else {
         bail!("no line runs on {}", args.out.display());
     };
-    let setup = Setup::read(&found.address)?;
+    // Nothing is read of a folder that somebody else has made.
+    found.address.verify()?;
+    let file = status_file(&found.address);
     let stop = stop_flag().context("cannot listen for signals")?;
-    let line = Line::join(&found.address, Role::Viewer(std::process::id()), &setup.limits, Arc::clone(&stop))?;
-    let shown = match Subscriber::<StatusTopic>::open(&line) {
-        Ok(shown) => shown,
-        Err(_) => {
-            // The places of viewers that were killed are free once somebody clears them.
-            line.clear_dead();
-            let most = StatusTopic::VIEWERS_MAX;
-            Subscriber::<StatusTopic>::open(&line).with_context(|| {
-                format!("at most {most} programs may watch the line on {} at once", args.out.display())
-            })?
-        }
-    };
     let since = Instant::now();
     let mut last = None;
     loop {
-        if let Some(record) = shown.receive_newest()? {
-            let status: Status = serde_json::from_slice(&record).context("what the line shows cannot be read")?;
-            drop(record);
+        let text = fs::read_to_string(&file).ok().filter(|text| last.as_ref() != Some(text));
+        if let Some(text) = text {
+            let status: Status = serde_json::from_str(&text).context("what the line shows cannot be read")?;
             print(&status, args)?;
-            last = Some(status);
+            last = Some(text);
             if !args.follow {
                 return Ok(true);
             }

@@ -59,6 +59,7 @@ pub(super) async fn page(turn: &Semaphore, status: &Status, wanted: Wanted) -> R
 
 /// Has this program write the pages of `file`, and returns the page of one tyre.
 fn make(file: &Path, tyre: usize) -> Result<String> {
+    ensure!(file.exists(), "{} is not there any more", file.display());
     let folder = tempfile::tempdir().context("cannot make a folder for it")?;
     let mut child = Command::new("/proc/self/exe")
         .arg("report")

@@ -1,4 +1,4 @@
-//! The state of a line as viewers see it: in shared memory (`tapline status`), on its page, as metrics; its verdicts.
+//! The state of a line as viewers see it: in a file (`tapline status`), on its page, as metrics; its verdicts.
 
 pub(crate) mod casing;
 pub(crate) mod latency;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
-use tapline_wire::{STATUS_BYTES_MAX, Verdict};
+use tapline_wire::Verdict;
 
 use crate::shown::casing::CasingStatus;
 use crate::shown::latency::Latency;
@@ -127,100 +127,4 @@ pub(crate) struct StageStatus {
     pub name: String,
     pub pid: Option<u32>,
     pub restarts: u32,
-}
-
-impl Status {
-    /// The status as text for shared memory. If it is too long, it is shortened as [`CUTS`] says.
-    pub(crate) fn encode(&self) -> String {
-        let mut status = self.clone();
-        loop {
-            let text = serde_json::to_string(&status).unwrap_or_default(); // it has no key that is no text
-            if text.len() <= STATUS_BYTES_MAX {
-                return text;
-            }
-            if !CUTS.iter().any(|cut| cut(&mut status)) {
-                return String::new();
-            }
-        }
-    }
-}
-
-/// What is left out of a status that is too long, in this order; each returns whether there was anything to leave out.
-const CUTS: [fn(&mut Status) -> bool; 4] = [
-    // The places of taps.
-    |status| {
-        let casings = status.stations.iter_mut().flat_map(|station| [&mut station.casing, &mut station.last]);
-        let shoulders = casings.flatten().map(|casing| std::mem::take(&mut casing.shoulders));
-        shoulders.fold(false, |was_there, shoulders| was_there | !shoulders.is_empty())
-    },
-    // Levels and scatter.
-    |status| {
-        let wholes = status.stations.iter_mut().map(|station| std::mem::take(&mut station.whole));
-        wholes.fold(false, |was_there, whole| was_there | (whole != Whole::default()))
-    },
-    |status| halve(&mut status.verdicts),
-    |status| halve(&mut status.alarms),
-];
-
-/// Leaves the newer half.
-fn halve<T>(newest_first: &mut Vec<T>) -> bool {
-    let before = newest_first.len();
-    newest_first.truncate(before / 2);
-    before > 0
-}
-
-#[cfg(test)]
-mod tests {
-    use crate::shown::casing::ShoulderStatus;
-
-    use super::*;
-
-    /// Catches a status that is not shown at all because of its rings, and one that loses verdicts for them.
-    #[test]
-    fn a_status_that_is_too_long_is_shown_without_rings() {
-        let ring = |locations: usize| ShoulderStatus {
-            tyre: "A".to_owned(),
-            shoulder: 1,
-            angles_deg: vec![359.9; locations],
-            locations: "9".repeat(locations),
-            planned: locations,
-            settled: locations,
-        };
-        let status = |locations| {
-            let casing = Some(CasingStatus { shoulders: vec![ring(locations)], ..CasingStatus::default() });
-            let station = StationStatus { casing, ..StationStatus::default() };
-            let alarm = Alarm { at_ns: 1, text: "text".to_owned() };
-            Status { stations: vec![station], alarms: vec![alarm], ..Status::default() }
-        };
-        let read = |status: &Status| serde_json::from_str::<Status>(&status.encode()).unwrap();
-        assert_eq!(read(&status(100)), status(100));
-        let short = read(&status(120_000));
-        assert_eq!((short.alarms.len(), short.stations[0].casing.as_ref().unwrap().shoulders.len()), (1, 0));
-    }
-
-    /// Catches a line of many stations that shows nothing at all when all of their rigs have changed.
-    #[test]
-    fn three_hundred_stations_fit() {
-        let times =
-            || ["f_max", "tau", "a_1", "a_2", "pr", "p_f", "e_f", "centroid"].map(|w| (w.to_owned(), 1.2345)).into();
-        let sign = Sign {
-            name: "features_absent".to_owned(),
-            count: 1000,
-            first: "S300-10000".to_owned(),
-            last: "S300-20000".to_owned(),
-            detail: Some("f_max 0.81, tau 1.10, pr 1.02 times the reference's".to_owned()),
-        };
-        let casing = CasingStatus { name: "S300-20000".to_owned(), planned: 1000, ..CasingStatus::default() };
-        let station = StationStatus {
-            number: 300,
-            waits_for: "the archive, which cannot be written: its disk is full".to_owned(),
-            casing: Some(casing.clone()),
-            last: Some(casing),
-            whole: Whole { level: times(), scatter: times(), ..Whole::default() },
-            signs: vec![sign; 4],
-            ..StationStatus::default()
-        };
-        let status = Status { stations: vec![station; 300], ..Status::default() };
-        assert_eq!(serde_json::from_str::<Status>(&status.encode()).unwrap(), status);
-    }
 }

@@ -128,8 +128,7 @@ fn a_missing_sound_card_is_acknowledged_and_waited_for() {
     let mut line = start_line(&sandbox, 1);
     line.wait_for_log(&["station 1", "absent", "not heard", "cannot be opened", "`tapline devices` lists"]);
     line.assert_runs();
-    let status = sandbox.run("status --out out").expect(0).out;
-    assert!(status.contains("absent is not heard"), "{status}");
+    until("it is shown", || sandbox.run("status --out out").expect(0).out.contains("absent is not heard"));
     line.interrupt();
 }
 

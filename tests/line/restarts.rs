@@ -42,7 +42,11 @@ fn a_killed_line_goes_on_with_what_was_under_way() {
     }
     let line = Running::start(&sandbox, "line --config plant.toml --out out --json");
     until("the sets are done", || sandbox.path("inbox/done/A").is_dir() && sandbox.path("inbox/done/B").is_dir());
-    let status = sandbox.run("status --out out --json").json(0);
+    let mut status = Value::Null;
+    until("both are shown", || {
+        status = sandbox.run("status --out out --json").json(0);
+        status["verdicts"].as_array().is_some_and(|shown| shown.len() == 2)
+    });
     let done = line.interrupt().expect(0);
     verdicts.extend(done.out.lines().map(str::to_owned));
     let verdicts: Vec<Value> = verdicts.iter().map(|line| serde_json::from_str(line).unwrap()).collect();
@@ -85,8 +89,10 @@ fn a_set_that_comes_back_is_judged_in_full() {
     let mut line = start();
     let half = line.verdict();
     assert!(half["verdict"] == "RE-INSPECT" && half["refused"].as_u64().unwrap() > 0, "{half}");
-    let status = sandbox.run("status --out out").expect(0).out;
-    assert!(status.contains("ALARM") && status.contains("casing A was half tapped"), "{status}");
+    until("the alarm", || {
+        let status = sandbox.run("status --out out").expect(0).out;
+        status.contains("ALARM") && status.contains("casing A was half tapped")
+    });
     fs::rename(sandbox.path("away"), sandbox.path("inbox/A")).unwrap();
     let whole = line.verdict();
     assert!(whole["refused"] == 0 && whole["missing"] == 0, "{whole}");

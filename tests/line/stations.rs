@@ -180,8 +180,10 @@ fn a_rig_that_is_late_after_a_restart_goes_on() {
             assert_eq!(is_whole, hours_later == 0, "{verdict}");
             if hours_later > 0 {
                 assert_ne!(verdict["verdict"], "PASS", "{verdict}");
-                let alarms = sandbox.run("status --out out --json").json(0)["alarms"].to_string();
-                assert!(alarms.contains("RIG-1: its scan was interrupted for 36"), "{alarms}");
+                until("the alarm", || {
+                    let alarms = sandbox.run("status --out out --json").json(0)["alarms"].to_string();
+                    alarms.contains("RIG-1: its scan was interrupted for 36")
+                });
             }
             line.interrupt().expect(if hours_later == 0 { 0 } else { 3 });
             drop(again);

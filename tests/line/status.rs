@@ -3,12 +3,10 @@
 use std::fs;
 use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::Child;
 use std::time::Duration;
 
 use rustix::process::Signal;
 use serde_json::Value;
-use tapline_wire::StatusTopic;
 
 use crate::line::{assert_like_undisturbed, slow_plant};
 use crate::sandbox::Sandbox;
@@ -16,8 +14,8 @@ use crate::sandbox::archives::names;
 use crate::sandbox::running::Running;
 use crate::sandbox::stages::{signal, stage};
 
-/// Catches a status that is missing, or of another line, and a line that waits for a viewer, running or frozen; files that stay
-/// because one still looks on when the line ends; and viewers that keep others out after they were killed.
+/// Catches a status that is missing, or of another line, and a line that waits for a viewer, running or frozen; and files that stay
+/// because one still looks on when the line ends.
 #[test]
 fn who_looks_on_changes_nothing() {
     let sandbox = Sandbox::new();
@@ -32,15 +30,6 @@ fn who_looks_on_changes_nothing() {
     let place = PathBuf::from(entry["folder"].as_str().unwrap());
     assert!(place.exists());
     signal(i32::try_from(frozen.id()).unwrap(), Signal::STOP);
-    let mut killed: Vec<Child> =
-        (0..StatusTopic::VIEWERS_MAX).map(|_| sandbox.start("status --out watched --follow --json")).collect();
-    for viewer in &mut killed {
-        BufReader::new(viewer.stdout.take().unwrap()).read_line(&mut String::new()).unwrap();
-    }
-    for viewer in &mut killed {
-        viewer.kill().unwrap();
-        viewer.wait().unwrap();
-    }
     let mut statuses: Vec<Value> = Vec::new();
     let mut verdicts = Vec::new();
     while verdicts.len() < 6 {

@@ -99,5 +99,5 @@ pub use stream::shm;
 pub use stream::subscriber::{Received, Subscriber};
 pub use stream::topic::{
     AskTopic, CasingTopic, DamageTopic, Delivery, DiscriminatorTopic, ProposalTopic, Role, SETTLED_RECORDS_MAX,
-    STATUS_BYTES_MAX, SettledTopic, StatusTopic, TapTopic, Topic, WaitTopic, line_bytes,
+    SettledTopic, TapTopic, Topic, WaitTopic, line_bytes,
 };

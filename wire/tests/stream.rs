@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use tapline_testing::waiting::until;
 use tapline_wire::{
     CasingHeader, CasingLimits, CasingTopic, Limits, Line, LineAddress, LineError, Publisher, RecordKind, Role, Stamp,
-    StatusTopic, Subscriber, TapHeader, TapTopic, Topic, bytes_of, i16_of_mut,
+    Subscriber, TapHeader, TapTopic, Topic, bytes_of, i16_of_mut,
 };
 
 const SAMPLES: u32 = 1024;
@@ -191,26 +191,6 @@ fn a_stopped_publisher_gives_up() {
     stop.store(true, Ordering::Relaxed);
     assert!(matches!(has_ended.recv_timeout(LONG).unwrap(), Err(LineError::Stopped { .. })));
     publisher.join().unwrap();
-}
-
-/// Catches a line that waits for a viewer, and a viewer that sees nothing before the next change.
-#[test]
-fn a_viewer_sees_the_newest_and_holds_nobody() {
-    let place = Place::new();
-    let line = join(&place.0, Role::Supervisor);
-    let status = Publisher::<StatusTopic>::open(&line).unwrap();
-    status.send(RecordKind::Data, Stamp::default(), b"first").unwrap();
-    let frozen_line = join(&place.0, Role::Viewer(1));
-    let frozen = Subscriber::<StatusTopic>::open(&frozen_line).unwrap();
-    for k in 0..1000_u32 {
-        status.send(RecordKind::Data, Stamp::default(), k.to_string().as_bytes()).unwrap();
-    }
-    let late_line = join(&place.0, Role::Viewer(2));
-    let late = Subscriber::<StatusTopic>::open(&late_line).unwrap();
-    status.show_newcomers().unwrap();
-    for subscriber in [frozen, late] {
-        assert_eq!(&*subscriber.receive_newest().unwrap().unwrap(), b"999");
-    }
 }
 
 /// Catches a record that reaches another role than its addressee, and a publisher that does not notice a new receiver.

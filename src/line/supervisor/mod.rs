@@ -3,6 +3,7 @@
 mod closed;
 
 use std::collections::BTreeSet;
+use std::fs;
 use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -13,13 +14,13 @@ use anyhow::Result;
 use tapline_host::messages::counted;
 use tapline_host::progress::Progress;
 use tapline_wire::{
-    CasingHeader, CasingTopic, Ledger, Line, LineAddress, OVER, Publisher, Received, RecordKind, Stamp, StatusTopic,
-    Subscriber, WaitTopic, decode_opened, now_ns, scans_of,
+    CasingHeader, CasingTopic, Ledger, Line, LineAddress, OVER, Received, RecordKind, Subscriber, WaitTopic,
+    decode_opened, now_ns, scans_of,
 };
 
 use crate::line::out_folder::OutFolder;
 use crate::line::progress_rate::ProgressRate;
-use crate::line::setup::Setup;
+use crate::line::setup::{Setup, status_file};
 use crate::line::stage::StageReport;
 use crate::line::stages::Stages;
 use crate::shown::casing::{CasingStatus, Layout, retaken};
@@ -34,12 +35,9 @@ const END_WITHIN: Duration = Duration::from_secs(20);
 /// How often the stages are checked, and the status is sent if it has changed.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
 
-/// How often the status is sent if nothing has changed, so that viewers know that the line still runs: with [`LOOK_EVERY`] at least once a
+/// How often the status is sent if nothing has changed, so that people know that the line still runs: with [`LOOK_EVERY`] at least once a
 /// second, which controllers on Modbus may watch for.
 const SHOW_EVERY: Duration = Duration::from_millis(700);
-
-/// How often viewers that have died are looked for.
-const CLEAR_EVERY: Duration = Duration::from_secs(60);
 
 /// Most faults of stations among the troubles of the line.
 const FAULTS_MAX: usize = 4;
@@ -100,7 +98,7 @@ impl Open {
     }
 }
 
-/// Gets each status, in addition to viewers in shared memory; returns whether it still can.
+/// Gets each status, in addition to its file; returns whether it still can.
 pub(crate) type ShowStatus = Box<dyn Fn(&str) -> bool>;
 
 /// Where verdicts and progress are published.
@@ -118,7 +116,10 @@ pub(crate) struct Supervisor<'a> {
     line: &'a Line,
     casings: Subscriber<'a, CasingTopic>,
     waits: Subscriber<'a, WaitTopic>,
-    status_out: Publisher<'a, StatusTopic>,
+    /// The file of its status.
+    status_file: PathBuf,
+    /// Whether the status could not be written the last time.
+    is_status_stale: bool,
     // Dropped before the line's folder is cleared: no stage may be left then.
     stages: Stages<'a>,
     stop: Arc<AtomicBool>,
@@ -146,8 +147,6 @@ pub(crate) struct Supervisor<'a> {
     rigs: Rigs,
     rate: ProgressRate,
     outcome: LineOutcome,
-    /// When viewers that have died were last looked for.
-    cleared_at: Instant,
 }
 
 impl<'a> Supervisor<'a> {
@@ -163,16 +162,15 @@ impl<'a> Supervisor<'a> {
         // Before the stages, whose first reports would be missed.
         let casings = Subscriber::open(line)?;
         let waits = Subscriber::open(line)?;
-        let status_out = Publisher::open(line)?;
         let station = |&number: &u16| StationStatus { number, ..StationStatus::default() };
         let stations = setup.limits.stations.iter().map(station).collect();
         let mut supervisor = Self {
             line,
             casings,
             waits,
-            status_out,
+            status_file: status_file(address),
+            is_status_stale: false,
             stages: Stages::start(line, setup, address, folder)?,
-            cleared_at: Instant::now(),
             stop,
             audience,
             is_list: setup.is_list(),
@@ -306,7 +304,7 @@ impl<'a> Supervisor<'a> {
             (station.refused, station.removed) = (None, None);
         }
         // What was done before is not on the rig any more.
-        drop(std::fs::remove_file(tapline_acquire::last_on_rig(&self.shown.out, station)));
+        drop(fs::remove_file(tapline_acquire::last_on_rig(&self.shown.out, station)));
         tracing::info!(casing = name, station, "is begun");
         self.open.push(Open { number, name, header, layout, again, ledger: None });
     }
@@ -431,12 +429,7 @@ impl<'a> Supervisor<'a> {
         if self.is_news || !self.open.is_empty() || self.shown_at.elapsed() > SHOW_EVERY {
             self.show()?;
         }
-        // Viewers that were killed are cleared away too.
-        if self.cleared_at.elapsed() > CLEAR_EVERY {
-            self.cleared_at = Instant::now();
-            self.line.clear_dead();
-        }
-        Ok(self.status_out.show_newcomers()?)
+        Ok(())
     }
 
     /// Shows the status to viewers.
@@ -460,13 +453,25 @@ impl<'a> Supervisor<'a> {
         }
         self.shown.troubles = self.troubles();
         self.shown.at_ns = now_ns();
-        let text = self.shown.encode();
-        self.status_out.send(RecordKind::Data, Stamp::default(), text.as_bytes())?;
+        let text = serde_json::to_string(&self.shown).unwrap_or_default(); // only a path that is no text has none
+        self.write_status(&text);
         if self.audience.show.as_ref().is_some_and(|show| !show(&text)) {
             self.audience.show = None;
             self.alarm("the page of the line is no longer served; the line continues".to_owned());
         }
         Ok(())
+    }
+
+    /// Replaces the file of the status by one that has `text`. Without it the line works on.
+    fn write_status(&mut self, text: &str) {
+        let new = self.status_file.with_extension("new");
+        let written = fs::write(&new, text).and_then(|()| fs::rename(&new, &self.status_file));
+        if let Err(error) = &written
+            && !self.is_status_stale
+        {
+            tracing::error!("{}: the status cannot be written: {error}", self.status_file.display());
+        }
+        self.is_status_stale = written.is_err();
     }
 
     /// What keeps the line from working as it should.

@@ -183,7 +183,7 @@ impl Line {
 
     /// Removes what dead participants have left, so that nobody waits for them any more.
     ///
-    /// Called when a participant has died, by the process that knows of it, and by a viewer that finds no free place. Others
+    /// Called when a participant has died, by the process that knows of it. Others
     /// must not call it, because its cost grows with the number of participants.
     pub fn clear_dead(&self) {
         reap(&self.config);

@@ -16,7 +16,7 @@ use rustix::io::{Errno, retry_on_intr};
 use rustix::thread::futex;
 use rustix::time::Timespec;
 
-use crate::stream::cleanup::{SHM, remove};
+use crate::stream::cleanup::SHM;
 use crate::stream::folder::check_private;
 use crate::{Limits, LineAddress, LineError, Role};
 
@@ -59,11 +59,7 @@ impl Mailbox {
             let map = MmapOptions::new().len(byte_count).map_raw(&file);
             map.map_err(|source| LineError::File { path: path.clone(), source })
         };
-        let map = map()?;
-        if matches!(role, Role::Viewer(_)) {
-            remove(&path, |path| std::fs::remove_file(path)); // nobody notifies a viewer, and there may be many
-        }
-        Ok(Self { map, path })
+        Ok(Self { map: map()?, path })
     }
 
     fn words(&self) -> Words<'_> {

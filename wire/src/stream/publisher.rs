@@ -7,7 +7,6 @@ use std::time::{Duration, Instant};
 
 use iceoryx2::identifiers::UniqueSubscriberId;
 use iceoryx2::port::publisher::Publisher as Port;
-use iceoryx2::port::update_connections::UpdateConnections as _;
 use iceoryx2::port::{BackpressureAction, SendError};
 use iceoryx2::prelude::*;
 use iceoryx2::sample_mut::SampleMut;
@@ -63,7 +62,7 @@ impl<'l, T: Topic> Publisher<'l, T> {
     pub fn open(line: &'l Line) -> Result<Self, LineError> {
         let receivers = match T::DELIVERY {
             Delivery::All(roles) => roles.to_vec(),
-            Delivery::Addressed | Delivery::Newest => Vec::new(),
+            Delivery::Addressed => Vec::new(),
         };
         Self::open_for(line, None, receivers)
     }
@@ -150,14 +149,6 @@ impl<'l, T: Topic> Publisher<'l, T> {
         }
         let loan = self.loan_copy(header, elements)?;
         self.without_blocking(|| loan.deliver(kind))
-    }
-
-    /// Connects new viewers, so that they receive the newest record even if it was sent before they joined.
-    ///
-    /// # Errors
-    /// [`LineError::Shared`] when the shared-memory layer refuses.
-    pub fn show_newcomers(&self) -> Result<(), LineError> {
-        self.port.update_connections().map_err(|e| LineError::shared(format!("connecting viewers of {}", T::NAME), e))
     }
 
     /// Runs `deliver`, which gives up instead of waiting; returns whether it succeeded.

@@ -9,8 +9,8 @@ use crate::stream::cleanup::Svc;
 use crate::stream::error::LineError;
 use crate::stream::line::Line;
 use crate::stream::topic::{
-    AskTopic, CasingTopic, DamageTopic, Delivery, DiscriminatorTopic, ProposalTopic, Role, SettledTopic, StatusTopic,
-    TapTopic, Topic, WaitTopic, port_limits, receivers,
+    AskTopic, CasingTopic, DamageTopic, DiscriminatorTopic, ProposalTopic, Role, SettledTopic, TapTopic, Topic,
+    WaitTopic, port_limits, receivers,
 };
 
 pub(crate) type Service<T> = TopicService<Svc, [<T as Topic>::Element], <T as Topic>::Header>;
@@ -24,13 +24,12 @@ pub(crate) fn open<T: Topic>(line: &Line, receiver: Option<Role>) -> Result<Serv
     };
     let name = ServiceName::new(&name).map_err(|e| LineError::shared(format!("naming {}", T::NAME), e))?;
     let (publishers, subscribers, nodes) = port_limits::<T>(line.limits());
-    let is_lossy = T::DELIVERY == Delivery::Newest;
     line.node()
         .service_builder(&name)
         .publish_subscribe::<[T::Element]>()
         .user_header::<T::Header>()
-        .enable_safe_overflow(is_lossy)
-        .history_size(usize::from(is_lossy))
+        .enable_safe_overflow(false)
+        .history_size(0)
         .subscriber_max_buffer_size(T::BUFFER)
         .subscriber_max_borrowed_samples(T::BORROWED)
         .max_publishers(publishers)
@@ -70,7 +69,6 @@ impl Services {
             held::<SettledTopic>(line, None)?,
             held::<DamageTopic>(line, None)?,
             held::<AskTopic>(line, None)?,
-            held::<StatusTopic>(line, None)?,
         ];
         for role in receivers(line.limits()) {
             topics.push(held::<CasingTopic>(line, Some(role))?);

@@ -51,14 +51,11 @@ impl<'l, T: Topic> Subscriber<'l, T> {
         let name = line.role().name();
         let port_name = PortName::new(&name).map_err(|e| LineError::shared(format!("naming the port of {name}"), e))?;
         let port = service.subscriber_builder().name(&port_name);
-        // A viewer receives the newest record at once.
-        let port = if T::DELIVERY == Delivery::Newest { port.history_request(1) } else { port };
         let port = port.create().map_err(|e| failed::<T>(line, "subscribing to", e))?;
         // Senders may have records for this process from before it joined: they are notified that it has.
         let senders = match line.role() {
-            _ if T::DELIVERY == Delivery::Newest => Vec::new(),
             Role::Acquire(_) | Role::Fuse | Role::Supervisor => vec![Role::Store],
-            Role::Process | Role::Store | Role::Viewer(_) => Vec::new(),
+            Role::Process | Role::Store => Vec::new(),
         };
         senders.into_iter().for_each(|role| line.notify(role));
         Ok(Self { line, port, _service: service, gaps: RefCell::new(GapCounter { next: HashMap::new(), lost: 0 }) })
@@ -76,9 +73,6 @@ impl<'l, T: Topic> Subscriber<'l, T> {
                 return Ok(None);
             };
             let stamp = *sample.user_header().stamp();
-            if T::DELIVERY == Delivery::Newest {
-                return Ok(Some(Received { sample }));
-            }
             let is_handshake = stamp.kind() == Some(RecordKind::Handshake);
             self.count(sample.origin(), stamp.sequence, is_handshake);
             if !is_handshake {
@@ -87,18 +81,6 @@ impl<'l, T: Topic> Subscriber<'l, T> {
             let sender = T::SENDER.unwrap_or(Role::Acquire(u16::try_from(stamp.source).unwrap_or(u16::MAX)));
             self.line.answer(sender, stamp.mark);
         }
-    }
-
-    /// The newest record; older ones are skipped.
-    ///
-    /// # Errors
-    /// As [`Subscriber::receive`].
-    pub fn receive_newest(&self) -> Result<Option<Received<T>>, LineError> {
-        let mut newest = None;
-        while let Some(received) = self.receive()? {
-            newest = Some(received);
-        }
-        Ok(newest)
     }
 
     /// Records lost on the way here so far.

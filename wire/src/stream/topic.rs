@@ -22,8 +22,6 @@ pub enum Role {
     Store,
     /// Starts the others, restarts dead ones, and reports verdicts to people.
     Supervisor,
-    /// Only watches, and nobody waits for it; the process with this number.
-    Viewer(u32),
 }
 
 impl Role {
@@ -38,7 +36,6 @@ impl Role {
             Self::Fuse => "fuse".to_owned(),
             Self::Store => "store".to_owned(),
             Self::Supervisor => "supervisor".to_owned(),
-            Self::Viewer(number) => format!("viewer-{number}"),
         }
     }
 
@@ -56,12 +53,12 @@ impl Role {
             Self::Process => 0,
             Self::Fuse => 1,
             Self::Store => 2,
-            Self::Supervisor | Self::Viewer(_) => 3,
+            Self::Supervisor => 3,
             Self::Acquire(number) => Self::STAGES + usize::from(number),
         }
     }
 
-    /// How many roles a line with these limits has, not counting viewers.
+    /// How many roles a line with these limits has.
     pub(crate) fn count(limits: &Limits) -> usize {
         Self::STAGES + usize::from(limits.acquire_count)
     }
@@ -74,8 +71,6 @@ pub enum Delivery {
     All(&'static [Role]),
     /// Every record, to the one role that it is addressed to: each receiver has a service of its own.
     Addressed,
-    /// To every viewer; only the newest record matters, and older ones may be lost.
-    Newest,
 }
 
 /// A stream of records of one kind.
@@ -271,33 +266,6 @@ impl Topic for AskTopic {
     }
 }
 
-/// Longest status of a line, in bytes.
-pub const STATUS_BYTES_MAX: usize = 512 * 1024;
-
-/// The status of the line as text: the supervisor to viewers, which may stop or die without effect on the line.
-#[derive(Debug)]
-pub struct StatusTopic;
-
-impl StatusTopic {
-    /// Most viewers at once.
-    pub const VIEWERS_MAX: usize = 8;
-}
-
-impl Topic for StatusTopic {
-    type Header = Stamp;
-    type Element = u8;
-    const NAME: &'static str = "tapline/status";
-    const SENDER: Option<Role> = Some(Role::Supervisor);
-    const DELIVERY: Delivery = Delivery::Newest;
-    const BUFFER: usize = 1;
-    // A viewer holds one record while it looks for a newer one.
-    const BORROWED: usize = 2;
-
-    fn elements_max(_: &Limits, _: Option<Role>) -> usize {
-        STATUS_BYTES_MAX
-    }
-}
-
 /// Ports of dead processes that are not removed yet.
 const SPARE_PORTS: usize = 1;
 
@@ -316,11 +284,9 @@ pub(crate) fn port_limits<T: Topic>(limits: &Limits) -> (usize, usize, usize) {
     let subscribers = match T::DELIVERY {
         Delivery::All(roles) => roles.len(),
         Delivery::Addressed => 1,
-        Delivery::Newest => StatusTopic::VIEWERS_MAX,
     };
     let ports = (publishers::<T>(limits) + SPARE_PORTS, subscribers + SPARE_PORTS);
-    // A viewer's dead node stays until the supervisor removes it.
-    (ports.0, ports.1, ports.0 + ports.1 + 2 * StatusTopic::VIEWERS_MAX)
+    (ports.0, ports.1, ports.0 + ports.1)
 }
 
 /// Most shared memory that one publisher of `T` to `receiver` may need, in bytes.
@@ -347,6 +313,5 @@ pub fn line_bytes(limits: &Limits) -> usize {
         + of::<SettledTopic>(limits)
         + of::<DamageTopic>(limits)
         + of::<AskTopic>(limits)
-        + of::<StatusTopic>(limits)
         + to_each
 }
