@@ -112,6 +112,9 @@ pub(crate) struct ReportArgs {
     /// Name of the shift, on its page.
     #[arg(long)]
     pub shift: Option<String>,
+    /// Write only the page of the shift, for many casings.
+    #[arg(long)]
+    pub shift_only: bool,
     #[command(flatten)]
     pub results: ResultsArgs,
     #[command(flatten)]

@@ -37,7 +37,7 @@ pub(crate) fn report(args: &ReportArgs) -> Result<bool> {
     check_folder(&folder, args.force.existing())?;
     let mut work = Work::on(&archives);
     let (mut shift, mut names, references) = (Shift::default(), BTreeSet::new(), Mutex::default());
-    let pages_of = |(): &mut (), file: &ArchiveFile| Pages::of(file, printed.as_ref(), &references);
+    let pages_of = |(): &mut (), file: &ArchiveFile| Pages::of(file, args.shift_only, printed.as_ref(), &references);
     let nothing = || Ok(());
     each(&archives.files, cores(), nothing, pages_of, |file, pages| {
         work.note_done(file);
@@ -45,8 +45,10 @@ pub(crate) fn report(args: &ReportArgs) -> Result<bool> {
         // If it cannot be in the shift it has no pages either.
         let Some(()) = work.take(file, shift.look_at(&reader, &evidence))? else { return Ok(()) };
         for (tyre, page) in evidence.tyres.iter().zip(pages) {
-            let name = name_for(&mut names, tyre, &file.casing());
-            work.beside(|| put(&folder, &name, &page, args))?;
+            let name = page.is_some().then(|| name_for(&mut names, tyre, &file.casing()));
+            if let (Some(name), Some(page)) = (&name, page) {
+                work.beside(|| put(&folder, name, &page, args))?;
+            }
             shift.add_page(name);
         }
         shift.add_tyres(evidence);
@@ -65,13 +67,18 @@ pub(crate) fn report(args: &ReportArgs) -> Result<bool> {
 struct Pages {
     reader: Reader,
     evidence: Evidence,
-    /// The page of each of its tyres.
-    pages: Vec<String>,
+    /// The page of each of its tyres; `None` if only that of the shift is written.
+    pages: Vec<Option<String>>,
 }
 
 impl Pages {
     /// Of the archive `file`, with the place and the people of `printed` if that is given.
-    fn of(file: &ArchiveFile, printed: Option<&ReportConfig>, references: &Mutex<KeptReferences>) -> Result<Self> {
+    fn of(
+        file: &ArchiveFile,
+        is_shift_only: bool,
+        printed: Option<&ReportConfig>,
+        references: &Mutex<KeptReferences>,
+    ) -> Result<Self> {
         tracing::info!("reading {}", file.path.display());
         let reader = Reader::open(&file.path)?;
         let reference = references.lock().unwrap_or_else(PoisonError::into_inner).of(&reader);
@@ -80,8 +87,8 @@ impl Pages {
             evidence.config.report.clone_from(printed);
         }
         evidence.config.report.validate()?;
-        let pages =
-            evidence.tyres.iter().map(|tyre| pages::tyre::page(&reader, &evidence, tyre)).collect::<Result<_>>()?;
+        let page = |tyre| (!is_shift_only).then(|| pages::tyre::page(&reader, &evidence, tyre)).transpose();
+        let pages = evidence.tyres.iter().map(page).collect::<Result<_>>()?;
         Ok(Self { reader, evidence, pages })
     }
 }

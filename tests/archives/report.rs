@@ -108,6 +108,11 @@ fn a_folder_is_a_shift() {
     assert_stand_alone(&pages);
     let shift = &pages["shift.html"];
     assert!(shift.find(CRACKED).unwrap() < shift.find(SOUND).unwrap(), "the worst is not first");
+    // Of thousands of casings, nobody reads the pages; the one that is left links to none.
+    assert_eq!(sandbox.run("report run --shift-only --out alone").expect(0).out, "alone/shift.html\n");
+    let alone = page(&sandbox, "alone/shift.html");
+    assert!(alone.contains("REJECT") && !alone.contains(CRACKED) && !alone.contains("<a href=\"tyre-"));
+    assert_eq!(fs::read_dir(sandbox.path("alone")).unwrap().count(), 1);
 }
 
 fn assert_stand_alone(pages: &BTreeMap<String, String>) {

@@ -26,8 +26,8 @@ const DRAWN_MOST: usize = 60;
 pub(crate) struct Shift {
     /// The evidence of the first archive, with the tyres of all.
     evidence: Option<Evidence>,
-    /// File names of the tyres' pages.
-    names: Vec<String>,
+    /// File names of the tyres' pages; `None` for one that has none.
+    names: Vec<Option<String>>,
     refusals: BTreeMap<String, usize>,
     scores: ScorePool,
     /// Whether anything has a score.
@@ -51,8 +51,8 @@ impl Shift {
         Ok(())
     }
 
-    /// Adds the file of a tyre's page, to which the page of the shift links.
-    pub(crate) fn add_page(&mut self, name: String) {
+    /// Adds the file of a tyre's page, to which the page of the shift links, if the tyre has one.
+    pub(crate) fn add_page(&mut self, name: Option<String>) {
         self.names.push(name);
     }
 
@@ -78,7 +78,7 @@ impl Shift {
 /// The page of `evidence`; `names` are the file names of its tyres' pages.
 fn page(
     evidence: &Evidence,
-    names: &[String],
+    names: &[Option<String>],
     refusals: &[(String, usize)],
     score: Option<Score>,
     shift: Option<&str>,
@@ -90,7 +90,7 @@ fn page(
         (place, shift) => place.into_iter().chain(shift).collect::<Vec<_>>().join(", "),
     };
     let geometry = evidence.geometry;
-    let mut order: Vec<(&Tyre, &String)> = evidence.tyres.iter().zip(names).collect();
+    let mut order: Vec<(&Tyre, &Option<String>)> = evidence.tyres.iter().zip(names).collect();
     order.sort_by(|(a, _), (b, _)| {
         let strongest = |tyre: &Tyre| tyre.strongest_arc().unwrap_or(f64::INFINITY);
         b.verdict().cmp(&a.verdict()).then(strongest(b).total_cmp(&strongest(a)))
@@ -136,7 +136,7 @@ fn page(
     Ok(page::page(&format!("Shift {name}"), &paper, &body))
 }
 
-fn overview(evidence: &Evidence, order: &[(&Tyre, &String)]) -> Markup {
+fn overview(evidence: &Evidence, order: &[(&Tyre, &Option<String>)]) -> Markup {
     let geometry = evidence.geometry;
     html! {
         h2 { "Overview" }
@@ -145,12 +145,13 @@ fn overview(evidence: &Evidence, order: &[(&Tyre, &String)]) -> Markup {
                 th { (body(geometry)) } th { "tapped" } th { "verdict" } th { "by " (side(geometry)) } th class="n" { "regions" } th class="n" { "strongest arc" } th class="n" { "station" }
             } }
             tbody { @for (tyre, name) in order { tr {
-                td class="tyre" data-label=(body(geometry)) { a href=(name) { (tyre.serial) }
+                td class="tyre" data-label=(body(geometry)) { @if let Some(name) = name {
+                    a href=(name) { (tyre.serial) }
                     // A serial number that came again: the names of its pages distinguish them.
                     @if order.iter().filter(|(other, _)| other.serial == tyre.serial).count() > 1 {
                         span class="at" { (name.trim_end_matches(".html")) }
                     }
-                }
+                } @else { (tyre.serial) } }
                 td data-label="tapped" { (tapped_at(tyre)) }
                 td data-label="verdict" { (verdict_word(tyre.verdict())) }
                 td data-label={ "by " (side(geometry)) } { @for shoulder in &tyre.shoulders {
@@ -170,7 +171,7 @@ fn tapped_at(tyre: &Tyre) -> String {
     times_ns.max().map_or_else(String::new, moment)
 }
 
-fn indices(evidence: &Evidence, order: &[(&Tyre, &String)]) -> Result<Markup> {
+fn indices(evidence: &Evidence, order: &[(&Tyre, &Option<String>)]) -> Result<Markup> {
     let geometry = evidence.geometry;
     let range = scale::range(evidence);
     let mut pictures = Vec::new();
