@@ -36,9 +36,7 @@ fn law_1_only_acquire_reads_a_clock_for_a_result() {
         "src/wires/modbus.rs",                 // at each start verdicts get other numbers
         "src/wires/opcua/mod.rs",              // how long a certificate is still valid
         "src/wires/outbox.rs",                 // when a verdict is reported again
-        "store/src/stage/open_casing.rs",      // when a file was last written
         "store/src/stage/places.rs",           // names of files and folders
-        "store/src/stage/proposals.rs",        // when a file was last written, if it is new
         "store/src/stage/unreported.rs",       // when a casing's file was finished
         "wire/src/clock.rs",                   // where it is read
         "wire/src/stream/line.rs",             // distinguishes the runs of a process

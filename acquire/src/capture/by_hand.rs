@@ -26,8 +26,8 @@ pub(crate) struct ByHand {
     /// When that file was last written for an earlier casing.
     serial_written: Option<SystemTime>,
     last_unknown_name: String,
-    /// Why casings have no serial, for people.
-    alarms: Vec<String>,
+    /// Why casings have no serial, or end early, for people.
+    alarms: Alarms,
     /// The next tap, in words.
     next_tap: Arc<Mutex<String>>,
 }
@@ -53,7 +53,7 @@ impl ByHand {
         // The file may still hold the serial of the previous casing, which was judged or left before a restart.
         let serial_written = serial_file.as_deref().and_then(written);
         let (scan, last_unknown_name, next_tap) = (scan.clone(), String::new(), Arc::default());
-        Self { ear, station, scan, serial_file, serial_written, last_unknown_name, alarms: Vec::new(), next_tap }
+        Self { ear, station, scan, serial_file, serial_written, last_unknown_name, alarms: Alarms::default(), next_tap }
     }
 
     /// The serial in the file, or a made-up name if there is none.
@@ -80,7 +80,7 @@ impl ByHand {
         if let (Some(file), Some(why)) = (&self.serial_file, why) {
             let text = format!("{}: {why}; the casing is called {}", file.display(), self.last_unknown_name);
             tracing::error!("station {}: {text}", self.station);
-            self.alarms.push(text);
+            raise(&self.alarms, text);
         }
         self.last_unknown_name.clone()
     }
@@ -116,7 +116,8 @@ impl Arrivals for ByHand {
             taps: Box::new(TappedByHand {
                 losses_before: self.ear.loss_count(),
                 heard,
-                serial: self.serial_file.clone().zip(self.serial_written),
+                serial: self.serial_file.clone().map(|file| (written(&file), file)),
+                alarms: Arc::clone(&self.alarms),
                 made: BTreeSet::new(),
                 next_tap: Arc::clone(&self.next_tap),
             }),
@@ -138,8 +139,8 @@ impl Arrivals for ByHand {
     }
 
     fn take_messages(&mut self) -> Vec<(RecordKind, String)> {
-        let alarms = self.alarms.drain(..).chain(self.ear.take_alarms());
-        alarms.map(|text| (RecordKind::Alarm, text)).collect()
+        let alarms = std::mem::take(&mut *self.alarms.lock().unwrap_or_else(PoisonError::into_inner));
+        alarms.into_iter().chain(self.ear.take_alarms()).map(|text| (RecordKind::Alarm, text)).collect()
     }
 }
 
@@ -147,8 +148,9 @@ impl Arrivals for ByHand {
 #[derive(Debug)]
 struct TappedByHand {
     heard: HeardCasing,
-    /// The file of serials, and when it was last written as this casing began.
-    serial: Option<(PathBuf, SystemTime)>,
+    /// The file of serials, and when it was last written as this casing began; `None` if it was not there.
+    serial: Option<(Option<SystemTime>, PathBuf)>,
+    alarms: Alarms,
     /// Rows that were tapped.
     made: BTreeSet<u32>,
     /// The loss count when it began.
@@ -174,8 +176,13 @@ impl Source for TappedByHand {
         if readiness == Readiness::Ready {
             self.made.insert(row);
         }
-        if readiness == Readiness::NotYet && self.has_next_serial() {
-            return Readiness::Gone("the serial of another casing was written before its last tap".to_owned());
+        if readiness == Readiness::NotYet
+            && let Some(next) = self.next_serial()
+        {
+            let why = format!("the serial {next} was written before its last tap");
+            let own = self.serial();
+            raise(&self.alarms, format!("casing {own} has ended: {why}; tap {next} from its first place"));
+            return Readiness::Gone(why);
         }
         if readiness == Readiness::NotYet
             && let Some(tap) = self.heard.plan().taps().get(row as usize)
@@ -191,13 +198,24 @@ impl Source for TappedByHand {
 }
 
 impl TappedByHand {
-    /// Whether the file of serials has been written since this casing began, with another serial than its own.
-    fn has_next_serial(&self) -> bool {
-        let Some((file, at)) = &self.serial else { return false };
-        let own = self.heard.plan().scans().first().map_or("", |scan| scan.tyre.as_str());
-        let is_other = |text: String| !serial_in(&text).is_empty() && serial_in(&text) != own;
-        written(file).is_some_and(|now| now != *at) && std::fs::read_to_string(file).is_ok_and(is_other)
+    fn serial(&self) -> &str {
+        self.heard.plan().scans().first().map_or("", |scan| scan.tyre.as_str())
     }
+
+    /// What the file of serials has, if it was written since this casing began, and is another serial than its own.
+    fn next_serial(&self) -> Option<String> {
+        let (at, file) = self.serial.as_ref()?;
+        written(file).filter(|&now| Some(now) != *at)?;
+        let text = std::fs::read_to_string(file).ok()?;
+        Some(serial_in(&text)).filter(|next| !next.is_empty() && *next != self.serial()).map(str::to_owned)
+    }
+}
+
+/// Messages for people that were not taken yet.
+type Alarms = Arc<Mutex<Vec<String>>>;
+
+fn raise(alarms: &Alarms, text: String) {
+    alarms.lock().unwrap_or_else(PoisonError::into_inner).push(text);
 }
 
 /// The serial in the text of a file, as editors and scanners write it.
@@ -292,11 +310,22 @@ mod tests {
         assert!(is_tap(&mut first, 1, 2000));
         assert_eq!(first.taps.poll(2, 0), Readiness::NotYet, "the same serial, written again");
         write("B", 1_000_000_002);
-        assert!(matches!(first.taps.poll(2, 0), Readiness::Gone(why) if why.contains("another casing")));
+        assert!(matches!(first.taps.poll(2, 0), Readiness::Gone(why) if why.contains("the serial B was written")));
+        let alarms = station.take_messages();
+        assert!(alarms[0].1.contains("casing A has ended") && alarms[0].1.contains("tap B from its first place"));
         cable.play([Step::Frames(frames(4000..6000, &[5000]))]);
         let mut second = casing(&mut station);
         assert!(second.name == "B" && is_tap(&mut second, 0, 5000));
-        write("no/serial", 1_000_000_003);
+        // Some scanners remove the file between two serials.
+        std::fs::remove_file(&file).unwrap();
+        cable.play([Step::Frames(frames(6000..8000, &[7000]))]);
+        let mut third = casing(&mut station);
+        assert!(third.name.starts_with("unknown-3-") && is_tap(&mut third, 0, 7000));
+        assert_eq!(third.taps.poll(1, 0), Readiness::NotYet);
+        write("C", 1_000_000_003);
+        assert!(matches!(third.taps.poll(1, 0), Readiness::Gone(_)));
+        station.take_messages();
+        write("no/serial", 1_000_000_004);
         assert!(station.name().starts_with("unknown-3-"));
         let [(RecordKind::Alarm, alarm)] = &station.take_messages()[..] else { panic!("one alarm") };
         assert!(alarm.contains("\"no/serial\" is not a serial; the casing is called unknown-3-"), "{alarm}");

@@ -46,7 +46,7 @@ pub(crate) struct Station {
 enum Work {
     /// It has no casing.
     Idle,
-    /// It has one, which is proposed to `store`; `opened` is its number once `store` has opened it, and when its file was last written.
+    /// It has one, which is proposed to `store`; `opened` is its number once `store` has opened it, and when its last tap was made.
     Proposed { casing: Casing, sent_at: Option<Instant>, opened: Option<(u64, i64)> },
     /// It taps one, which is open.
     Tapping(Box<Tapping>),
@@ -81,7 +81,7 @@ impl Station {
             // A casing of the same name may be proposed while this one is judged.
             _ if self.closing.iter().any(|&(closing, _)| closing == number) => {}
             Work::Proposed { casing, opened, .. } if is_of_plan(header, casing.taps.as_ref()) => {
-                *opened = Some((number, header.written_ns));
+                *opened = Some((number, header.tapped_ns));
                 grow(casing, added);
             }
             Work::Tapping(tapping) if tapping.number == number => tapping.grow(added),
@@ -93,10 +93,10 @@ impl Station {
     /// Notes the ledger of a casing.
     pub(crate) fn note_ledger(&mut self, number: u64, ledger: Ledger) {
         match std::mem::replace(&mut self.work, Work::Idle) {
-            Work::Proposed { casing, opened: Some((opened, written_ns)), .. } if opened == number => {
+            Work::Proposed { casing, opened: Some((opened, tapped_ns)), .. } if opened == number => {
                 self.left_over.retain(|&(left_over, _)| left_over != number);
                 let mut tapping = Tapping::new(number, casing, ledger);
-                if let Some(why) = self.interruption(&tapping, written_ns) {
+                if let Some(why) = self.interruption(&tapping, tapped_ns) {
                     let text = format!("casing {}: {why}; it is judged on the taps that came", tapping.casing.name);
                     tracing::warn!("{text}");
                     self.alarms.push_back((RecordKind::Alarm, text));
@@ -112,13 +112,18 @@ impl Station {
         }
     }
 
-    /// Why a casing that was half tapped, and whose file was last written at `written_ns`, is not continued: nobody saw whether it was
-    /// lifted and put back turned, which would hide a crack.
-    fn interruption(&self, tapping: &Tapping, written_ns: i64) -> Option<String> {
+    /// Why a casing that was half tapped, for the last time at `tapped_ns`, is not continued: nobody saw whether it was lifted and put
+    /// back turned, which would hide a crack.
+    fn interruption(&self, tapping: &Tapping, tapped_ns: i64) -> Option<String> {
         let patience = self.arrivals.patience().filter(|_| tapping.has_taps())?;
-        let away = Duration::from_nanos(now_ns().saturating_sub(written_ns).unsigned_abs());
-        (away > patience)
-            .then(|| format!("its scan was interrupted for {} s: it may have been turned meanwhile", away.as_secs()))
+        // A clock that was set back says nothing.
+        let away = u64::try_from(now_ns().saturating_sub(tapped_ns)).ok().map(Duration::from_nanos);
+        let how_long = match away {
+            Some(away) if away <= patience => return None,
+            Some(away) => format!("for {} s", away.as_secs()),
+            None => "for an unknown time".to_owned(),
+        };
+        Some(format!("its scan was interrupted {how_long}: it may have been turned meanwhile"))
     }
 
     /// Notes that a casing's file is closed, now or before it was proposed.

@@ -260,10 +260,7 @@ impl<'a> Supervisor<'a> {
                 }
             }
             Some(RecordKind::Closed) => self.closed(&header, PathBuf::from(text_of(record))),
-            Some(RecordKind::Alarm) if number != 0 => {
-                self.leave_out(text_of(record));
-                self.alarm(text_of(record));
-            }
+            Some(RecordKind::Alarm) if number != 0 => self.alarm(text_of(record)),
             Some(RecordKind::Alarm) => self.held(text_of(record)),
             Some(RecordKind::Refusal) if number != 0 => self.lost_file(number, &text_of(record)),
             Some(RecordKind::Refusal) => {

@@ -91,7 +91,7 @@ impl<'a> Notices<'a> {
         self.queue(&once, |role| role == Role::Supervisor);
     }
 
-    /// Queues for the supervisor why the casing of this number, which was half tapped, has no verdict.
+    /// Queues for the supervisor why the casing of this number, which was half tapped, must be tapped again.
     pub(super) fn put_aside(&mut self, number: u64, why: &str) {
         let mut header = CasingHeader::default();
         header.stamp.casing = number;

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::ops::Range;
 use std::time::Instant;
 
-use tapline_wire::{CasingHeader, Ledger, Plan, ScanState, Stamp, TapState, casing_number, now_ns};
+use tapline_wire::{CasingHeader, Ledger, Plan, ScanState, Stamp, TapState, casing_number};
 
 use super::places::{name_of_open, stem_of};
 use crate::write::Writer;
@@ -46,13 +46,10 @@ pub(super) struct OpenCasing {
     pub(super) is_full: bool,
     /// Taps that were settled when it was opened.
     settled_before_count: u32,
-    /// When its file was last written, nanoseconds since the Unix epoch.
-    written_ns: i64,
 }
 
 impl OpenCasing {
-    /// The casing of `writer`, whose file was last written at `written_ns`, nanoseconds since the Unix epoch.
-    pub(super) fn new(writer: Writer, written_ns: i64) -> Self {
+    pub(super) fn new(writer: Writer) -> Self {
         let stem = stem_of(writer.path());
         let name = name_of_open(&stem);
         let station = writer.plan().scans().first().map_or(0, |scan| scan.station);
@@ -75,7 +72,6 @@ impl OpenCasing {
             supervisor_sent_at: None,
             is_full: false,
             settled_before_count: u32::try_from(settled).unwrap_or(u32::MAX),
-            written_ns,
         };
         casing.replay_ended();
         casing
@@ -84,7 +80,6 @@ impl OpenCasing {
     /// Notes that all records put until now are flushed.
     pub(super) fn flushed(&mut self) {
         self.is_dirty = false;
-        self.written_ns = now_ns();
         self.supervisor.ledger = true;
         if self.barriers.0 == self.barriers.1 && self.passed != self.barriers.0 {
             self.passed = self.barriers.0;
@@ -140,8 +135,8 @@ impl OpenCasing {
     pub(super) fn header(&self) -> CasingHeader {
         let room = if self.is_full { 0 } else { self.writer.room() };
         let room = u32::try_from(room).unwrap_or(u32::MAX);
-        let (settled_before_count, written_ns) = (self.settled_before_count, self.written_ns);
-        CasingHeader { room, settled_before_count, written_ns, ..Self::header_of(self.number, self.writer.plan()) }
+        let (settled_before_count, tapped_ns) = (self.settled_before_count, self.writer.last_tap_ns());
+        CasingHeader { room, settled_before_count, tapped_ns, ..Self::header_of(self.number, self.writer.plan()) }
     }
 
     /// The header of notices about a casing with this number and plan.

@@ -1,11 +1,9 @@
 //! What stations propose: a casing to open, or one to give up.
 
-use std::fs;
 use std::path::Path;
-use std::time::UNIX_EPOCH;
 
 use tapline_wire::{
-    Plan, ProposalTopic, Received, RecordKind, ScanState, TapState, Topic as _, casing_number, decode_proposal, now_ns,
+    Plan, ProposalTopic, Received, RecordKind, ScanState, TapState, Topic as _, casing_number, decode_proposal,
 };
 
 use super::StageLoop;
@@ -22,12 +20,11 @@ impl StageLoop<'_> {
         self.run.places.create()?;
         self.take_up_finished()?;
         for path in self.run.places.open_files()? {
-            let written_ns = written_ns(&path);
             let resume = || Writer::resume(&path, self.run.lineage());
             // What cannot be read may have been a moment's trouble.
             let again = |error: Error| if error.is_unreadable_part() { resume() } else { Err(error) };
             match resume().or_else(again) {
-                Ok(writer) => self.open.push(OpenCasing::new(writer, written_ns)),
+                Ok(writer) => self.open.push(OpenCasing::new(writer)),
                 Err(Error::Finished { .. }) => match Reader::open(&path) {
                     Ok(sealed) => self.take_up_sealed(&path, sealed.plan())?,
                     Err(error) if error.is_recoverable() && !error.is_unreadable_part() => {
@@ -54,8 +51,8 @@ impl StageLoop<'_> {
     fn put_aside(&mut self, path: &Path, error: &Error) -> Result<(), RunError> {
         let left = self.run.places.leave(path).map_err(write_failure)?;
         let stem = stem_of(path);
-        let text =
-            format!("casing {} has no verdict: {error}; it is put aside as {}", name_of_open(&stem), left.display());
+        let name = name_of_open(&stem);
+        let text = format!("casing {name} must be tapped again: {error}; its taps so far are in {}", left.display());
         tracing::error!("{text}");
         self.notices.put_aside(casing_number(&stem), &text);
         Ok(())
@@ -114,7 +111,7 @@ impl StageLoop<'_> {
             }
         });
         match writer {
-            Ok(writer) => self.open.push(OpenCasing::new(writer, now_ns())),
+            Ok(writer) => self.open.push(OpenCasing::new(writer)),
             Err(RunError::Archive(error)) => {
                 self.notices.answer(acquire, RecordKind::Refusal, header, &error.to_string());
             }
@@ -143,6 +140,10 @@ impl StageLoop<'_> {
 
     /// Refuses every missing tap of a casing, and ends its scans.
     fn give_up(&mut self, index: usize, reason: &str) -> Result<(), RunError> {
+        // Nobody can be asked for more of its taps: `fuse` begins it again, and judges what there is.
+        if !std::mem::replace(&mut self.open[index].is_full, true) {
+            self.open[index].begin_anew();
+        }
         let writer = &self.open[index].writer;
         let missing: Vec<_> = (0..)
             .zip(writer.plan().taps().iter().zip(writer.ledger().taps()))
@@ -167,11 +168,4 @@ impl StageLoop<'_> {
         self.is_urgent = true;
         Ok(())
     }
-}
-
-/// When the file at `path` was last written, nanoseconds since the Unix epoch; 0 if that is unknown.
-fn written_ns(path: &Path) -> i64 {
-    let written = fs::metadata(path).and_then(|metadata| metadata.modified()).ok();
-    let since = written.and_then(|at| at.duration_since(UNIX_EPOCH).ok());
-    since.and_then(|since| i64::try_from(since.as_nanos()).ok()).unwrap_or(0)
 }

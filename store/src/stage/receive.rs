@@ -74,6 +74,7 @@ impl StageLoop<'_> {
         }
         let taps = decode_taps(asked).map_err(|error| error.to_string());
         let grown = match taps {
+            Ok(_) if self.open[index].is_full => Err("no more taps will come".to_owned()),
             Ok(taps) => self.retry_until_recovered(index, |writer| match writer.grow(&taps) {
                 Err(error @ Error::CannotGrow { .. }) => Ok(Err(error.to_string())),
                 outcome => outcome.map(Ok),

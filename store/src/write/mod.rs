@@ -74,6 +74,7 @@ pub struct Writer {
     scan_fingerprints: Vec<Option<u64>>,
     pending: Pending,
     ledger: Ledger,
+    last_tap_ns: i64,
     counts: PutCounts,
     shape: Shape,
 }
@@ -136,6 +137,7 @@ impl Writer {
             scans: state.scans,
             scan_fingerprints: state.scan_fingerprints,
             ledger: state.ledger,
+            last_tap_ns: state.last_tap_ns,
             pending: Pending::of_changed(state.changed_taps, state.changed_scans),
             taps_max: archive.taps_max,
             counts: PutCounts::default(),
@@ -161,6 +163,11 @@ impl Writer {
     /// losses stay zero: the writer does not know them.
     pub fn ledger(&self) -> &Ledger {
         &self.ledger
+    }
+
+    /// When the last tap that was put was made, nanoseconds since the Unix epoch; 0 if there is none.
+    pub(crate) fn last_tap_ns(&self) -> i64 {
+        self.last_tap_ns
     }
 
     /// Counts of the records put so far.

@@ -82,6 +82,7 @@ fn put_different(writers: &mut [&mut Writer], taps: &[Tap<'_>], outcomes: &mut V
             let stored = packed.take_bytes(tap.samples);
             writer.guard.note_written(stored.len());
             writer.pending.keep(header.plan_index, stored);
+            writer.last_tap_ns = writer.last_tap_ns.max(header.tap_time_ns);
             writer.pending.headers.insert(header.plan_index, header);
             writer.accept(header.plan_index, Half::Samples, version_of(&header));
         }

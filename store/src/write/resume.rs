@@ -42,6 +42,8 @@ pub(crate) struct ResumeState {
     /// For each judged scan, the fingerprint of its verdict and map.
     pub scan_fingerprints: Vec<Option<u64>>,
     pub ledger: Ledger,
+    /// When its last tap was made, nanoseconds since the Unix epoch; 0 if there is none.
+    pub last_tap_ns: i64,
     /// Rows that replace corrupt ones and are to be written.
     pub changed_taps: BTreeMap<u32, LedgerRow>,
     pub changed_scans: BTreeMap<u32, ScanRow>,
@@ -54,10 +56,11 @@ pub(crate) fn load_resume_state(archive: &Archive) -> Result<ResumeState> {
     let mut samples = vec![Version { attempt: 0, fingerprint: 0 }; tap_count];
     let mut discriminators = samples.clone();
     let mut is_valid = vec![true; tap_count];
-    let mut checksums = vec![0; tap_count];
+    let (mut checksums, mut last_tap_ns) = (vec![0; tap_count], 0);
     let headers = archive.headers.for_each(|k, row| {
         is_valid[k] &= row.is_valid(k);
         checksums[k] = row.stored_checksum;
+        last_tap_ns = if row.is_valid(k) { last_tap_ns.max(row.tap_time_ns) } else { last_tap_ns };
         samples[k] = Version { attempt: row.attempt, fingerprint: row.fingerprint() };
     });
     headers.context(context, &archive.path)?;
@@ -114,6 +117,7 @@ pub(crate) fn load_resume_state(archive: &Archive) -> Result<ResumeState> {
         tracks,
         scan_fingerprints,
         ledger: states.ledger(archive),
+        last_tap_ns,
         changed_taps: states.changed_taps.iter().map(|k| (number(k), states.taps[*k])).collect(),
         changed_scans: states.changed_scans.iter().map(|k| (number(k), states.scans[*k])).collect(),
         scans: states.scans,

@@ -37,8 +37,8 @@ pub struct CasingHeader {
     pub plan_digest: u64,
     /// Records lost in transit so far, of all casings.
     pub lost_count: u64,
-    /// When the file of an open casing was last written, nanoseconds since the Unix epoch; 0 if that is unknown.
-    pub written_ns: i64,
+    /// When the last archived tap of an open casing was made, nanoseconds since the Unix epoch; 0 if there is none.
+    pub tapped_ns: i64,
     /// Station that has the casing.
     pub station: u32,
     /// Planned taps.
