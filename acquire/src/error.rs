@@ -20,6 +20,9 @@ pub enum Error {
         part: PathBuf,
         source: std::io::Error,
     },
+    /// Another line watches a folder, or its lock cannot be made.
+    #[error("station {station} cannot watch {}: {source}", folder.display())]
+    Watched { station: u16, folder: PathBuf, source: std::io::Error },
     /// A file is not text.
     #[error("{} line {line}: is not UTF-8 text", file.display())]
     NotText { file: PathBuf, line: usize },

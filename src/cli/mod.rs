@@ -44,7 +44,7 @@ pub(crate) enum Verb {
     /// Judge casings as they come to the stations of a configuration, until it is stopped.
     ///
     /// Each casing's verdict is printed, and its file is in its place, within a second of its last tap. Ctrl-C, or SIGTERM,
-    /// ends the line cleanly; the same command again continues with the casings that were under way.
+    /// ends the line cleanly; the same command again continues with the casings that were under way, on a rig only within `rig_patience_s`.
     Line(LineArgs),
     /// Show the state of a running line: its stations, casings, verdicts and alarms. It does not disturb the line.
     Status(StatusArgs),

@@ -56,13 +56,15 @@ pub(crate) struct StationStatus {
     pub casing: Option<CasingStatus>,
     /// The previous casing, as it was when its verdict was reported; `None` once another one was refused.
     pub last: Option<CasingStatus>,
-    /// The name of the casing that was done and taken off the rig last, until another one comes.
-    pub removed: Option<String>,
+    /// Whether the last casing was taken off the rig.
+    pub is_removed: bool,
     /// The casing that was refused last, until another one comes.
     pub refused: Option<Alarm>,
     /// What it waits for; empty while it taps.
     pub waits_for: String,
-    /// What keeps it from seeing or tapping a casing that comes: its rig, device or folder is away, or its rig is stopped.
+    /// Why its rig is stopped.
+    pub stopped: Option<String>,
+    /// What keeps it from seeing or tapping a casing that comes.
     pub fault: Option<String>,
     pub tally: Tally,
     /// Properties of its last casing as a whole: the median over its shoulders.

@@ -83,7 +83,7 @@ impl Now {
         }
     }
 
-    /// A casing at `station` is refused: it gets no verdict, and the last one is no longer current.
+    /// A casing at `station` is refused, or the last one was taken off: the last verdict is no longer current.
     pub(crate) fn refused(&self, station: u16) {
         if let Some(station) = self.state().stations.get_mut(&station) {
             station.verdict = None;

@@ -185,6 +185,10 @@ impl Arrivals for RigArrivals {
         self.ear.as_ref().and_then(|ear| ear.fault()).or_else(|| self.link.dialogue().fault())
     }
 
+    fn stopped(&self) -> Option<String> {
+        self.link.dialogue().stopped()
+    }
+
     fn patience(&self) -> Option<Duration> {
         Some(self.link.dialogue().config().patience)
     }

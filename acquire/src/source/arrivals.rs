@@ -99,6 +99,11 @@ pub trait Arrivals: Send + fmt::Debug {
         None
     }
 
+    /// Why its rig is stopped, as that says; `None` while it is not, and for other sources.
+    fn stopped(&self) -> Option<String> {
+        None
+    }
+
     /// How long a half-tapped casing may be away: on a rig it may come back, and is gone for good when
     /// another follows it. From a list or a folder each comes until it is done, and a missing one is gone: `None`.
     fn patience(&self) -> Option<Duration> {

@@ -37,8 +37,9 @@ pub(crate) struct Station {
     is_source_awaited: bool,
     /// What it waits for as last reported, and when.
     reported: Option<(String, Instant)>,
-    /// The fault of its source as last reported, empty for none; `None` before the first report.
+    /// The fault of its source, and why its rig is stopped, as last reported, empty for none; `None` before the first report.
     reported_fault: Option<String>,
+    reported_stop: Option<String>,
 }
 
 /// The state of a station.
@@ -67,6 +68,7 @@ impl Station {
             is_source_awaited: false,
             reported: None,
             reported_fault: None,
+            reported_stop: None,
         }
     }
 
@@ -182,9 +184,15 @@ impl Station {
     /// Reports what it waits for, for people, if that has changed and the last report is not too recent; and the fault of its source.
     pub(crate) fn report_wait(&mut self, outlet: &Outlet<'_>) -> Result<(), LineError> {
         self.send_alarms(outlet)?;
-        let fault = self.arrivals.fault().unwrap_or_default();
-        if self.reported_fault.as_ref() != Some(&fault) && outlet.report(self.number(), RecordKind::Fault, &fault)? {
-            self.reported_fault = Some(fault);
+        let number = self.number();
+        for (kind, now, reported) in [
+            (RecordKind::Fault, self.arrivals.fault(), &mut self.reported_fault),
+            (RecordKind::Stopped, self.arrivals.stopped(), &mut self.reported_stop),
+        ] {
+            let now = now.unwrap_or_default();
+            if reported.as_ref() != Some(&now) && outlet.report(number, kind, &now)? {
+                *reported = Some(now);
+            }
         }
         if self.reported.as_ref().is_some_and(|(_, at)| at.elapsed() < REPORT_EVERY) {
             return Ok(());

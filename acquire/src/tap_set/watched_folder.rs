@@ -28,7 +28,8 @@ const REASON: &str = "reason.txt";
 /// File in a set under way that lists its casings that are done, one per line.
 const CLOSED: &str = ".closed";
 
-/// Attempts to lock a folder, and the time between two.
+/// File that the line which watches the folder locks, attempts to do so, and the time between two.
+const LOCK: &str = ".tapline.lock";
 const LOCK_TRIES: u32 = 100;
 const LOCK_PAUSE: Duration = Duration::from_millis(20);
 
@@ -39,7 +40,7 @@ const SAME_NAME_MAX: u32 = 100_000;
 #[derive(Debug)]
 pub struct FolderArrivals {
     folder: PathBuf,
-    /// The folder, locked so that no other line shares its sets.
+    /// The lock that keeps other lines from sharing its sets.
     _lock: File,
     station: u16,
     /// Sets begun and not put aside yet: the one under way, and perhaps an earlier one whose casings are being
@@ -72,13 +73,18 @@ struct OpenSet {
     faults: Vec<String>,
 }
 
-/// Locks `folder`, where its file system has locks. A killed process may hold its lock for a moment longer.
-fn lock(folder: &Path) -> io::Result<File> {
-    let file = File::open(folder)?;
+/// Makes the file `path` and locks it, where its file system has locks. A killed process may hold its lock for a moment longer.
+fn lock(path: &Path) -> io::Result<File> {
+    // Locks of some network file systems need a file that is open for writing.
+    let file = OpenOptions::new().write(true).create(true).truncate(false).custom_flags(file_flags()).open(path)?;
     for _ in 0..LOCK_TRIES {
         match file.try_lock() {
             Err(TryLockError::WouldBlock) => sleep(LOCK_PAUSE),
-            Ok(()) | Err(TryLockError::Error(_)) => return Ok(file),
+            Ok(()) => return Ok(file),
+            Err(TryLockError::Error(error)) => {
+                tracing::warn!("{}: it cannot be locked: no other line may watch its folder: {error}", path.display());
+                return Ok(file);
+            }
         }
     }
     Err(io::Error::other("another line watches it"))
@@ -96,10 +102,8 @@ impl FolderArrivals {
         for part in [folder.to_owned(), folder.join(DONE), folder.join(FAILED)] {
             fs::create_dir_all(&part).map_err(|source| Error::Unwatchable { station, part, source })?;
         }
-        let lock = lock(folder).map_err(|source| {
-            let part = folder.to_owned();
-            Error::Unwatchable { station, part, source }
-        })?;
+        let lock =
+            lock(&folder.join(LOCK)).map_err(|source| Error::Watched { station, folder: folder.to_owned(), source })?;
         if !was_there {
             // The name may have been mistyped.
             tracing::warn!("station {station}: the folder {} did not exist; it is made", folder.display());

@@ -263,6 +263,26 @@ fn double_hits_from_3_percent() {
     }
 }
 
+/// Catches a short hit before the pulse that is lost in means of samples where these are few.
+#[test]
+fn hits_before_the_pulse_at_low_rates() {
+    for rate_hz in [12_800.0, 20_000.0, RATE_HZ] {
+        for (part, lasts_s, before_s) in [(0.1, 0.3e-3, 2e-3), (0.4, 0.6e-3, 1e-3), (0.1, 1e-3, 4e-3)] {
+            let flagged = of_model(rate_hz, 100).into_iter().map(|mut tap| {
+                let (peak_at, samples) = (pulse_at(&tap), (lasts_s * rate_hz).round());
+                let (peak, end) = (tap.force[peak_at], peak_at - tap.pulse_samples() - (before_s * rate_hz) as usize);
+                for k in 0..=samples as usize {
+                    let x = (std::f64::consts::PI * k as f64 / samples).sin();
+                    tap.force[end - samples as usize + k] += part * peak * x;
+                }
+                usize::from(tap.flags().contains(Quality::DOUBLE_HIT))
+            });
+            let count: usize = flagged.sum();
+            assert!(count >= 99, "{part} for {lasts_s} s at {rate_hz} Hz: {count} of 100");
+        }
+    }
+}
+
 /// Catches a sample rate that was written down wrong by a factor of 2.
 #[test]
 fn a_wrong_sample_rate() {

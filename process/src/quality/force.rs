@@ -30,6 +30,8 @@ const HUM_LEFT: f64 = 0.3;
 const FOOT: f64 = 0.1;
 /// Fewest samples above the foot for a peak to be trusted (case 13).
 const PULSE_SAMPLES: usize = 8;
+/// Samples of a pulse up to which each is looked at for a hit before it; the flank of a finer one is noise.
+const FEW_SAMPLES: usize = 64;
 /// Fewest quiet samples before the pulse for its beginning to be trusted (case 10).
 const QUIET_SAMPLES: usize = 5;
 /// Fraction of the peak below which a sample is quiet.
@@ -286,10 +288,27 @@ fn is_double<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape, hum: f64, conf
     let heights = Heights { means: force.means, base: force.base, shape };
     // A layer swings back only after the pulse.
     let first = shape.peak_at / MEAN_OF + 1;
-    heights.valley((0..shape.begin / MEAN_OF).rev(), |until| 0..until + 1, rise).is_some()
+    is_up_before(force, shape, hum, config)
+        || heights.valley((0..shape.begin / MEAN_OF).rev(), |until| 0..until + 1, rise).is_some()
         || heights
             .valley(first..force.means.len(), |from| from..force.means.len(), rise)
             .is_some_and(|valley| is_whole_impact(force, shape, valley * MEAN_OF, config))
+}
+
+/// Whether single samples before a pulse of few samples rise again: a short hit is lost in their means. Backwards from the pulse to where
+/// it is below the limit, and from there to the record's beginning.
+fn is_up_before<C: Count>(force: &ForceRecord<'_, C>, shape: &Shape, hum: f64, config: &QualityConfig) -> bool {
+    if shape.end - shape.begin > FEW_SAMPLES {
+        return false;
+    }
+    let (of_peak, of_noise) = (config.double_hit_ratio_max * shape.peak, RISE_SIGMAS * force.noise);
+    let limit = (if of_peak > of_noise { of_peak } else { of_noise }) + 2.0 * hum;
+    let samples = force.track.samples;
+    let foot = samples[..shape.begin].iter().rposition(|&x| shape.height(x, force.base) < limit);
+    foot.is_some_and(|foot| {
+        let extreme = Extent::find(&samples[..foot]).map(|e| if shape.sign < 0.0 { e.least } else { e.largest });
+        extreme.is_some_and(|x| shape.height(x, force.base) > limit)
+    })
 }
 
 /// The means of the force as heights over its base.

@@ -4,13 +4,14 @@ use std::cmp::Reverse;
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Instant;
 
 use anyhow::Result;
 use tapline_host::atomic_file::{Existing, write_atomically};
 use tapline_store::{Finished, Reader, Unreported, last_finished};
-use tapline_wire::{CasingHeader, Quality, Reasons, now_ns};
+use tapline_wire::{CasingHeader, OVER, Quality, Reasons, now_ns};
 
 use crate::shown::casing::{CasingStatus, Layout, retaken};
 use crate::shown::rig::ASKS;
@@ -154,21 +155,29 @@ impl Supervisor<'_> {
         }
     }
 
-    /// Raises an alarm about flags on most taps of a casing: a sensor or the rig is to be looked at before the next one.
+    /// Raises an alarm when a casing has flags on most of its taps that the one before it had not: a sensor or the rig is to be looked at
+    /// before the next one. A casing without them ends it.
     fn watch_signals(&mut self, verdict: &CasingVerdict) {
-        let flags: BTreeSet<&String> = verdict.shoulders.iter().flat_map(|of| of.whole.flags.keys()).collect();
-        for flag in flags {
-            let meaning = Quality::named(flag).meaning();
-            self.alarm(format!("station {}: most taps of a casing are {flag}: {meaning}", verdict.station));
+        let flags = verdict.shoulders.iter().flat_map(|of| of.whole.flags.keys());
+        let now = flags.fold(Quality::default(), |all, flag| all | Quality::named(flag));
+        let before = self.flagged.insert(verdict.station, now).unwrap_or_default();
+        let text = |flags: Quality| format!("station {}: most taps are {flags}: {}", verdict.station, flags.meaning());
+        if now == before {
+            return;
+        }
+        if !before.is_empty() {
+            self.alarm(format!("{OVER}{}", text(before)));
+        }
+        if !now.is_empty() {
+            self.alarm(text(now));
         }
     }
 
-    /// Notes whether the disk has room for few more casings like the one in `file`.
-    fn watch_room(&mut self, file: &Path) {
-        let (Ok(room), Ok(last)) = (rustix::fs::statvfs(&self.shown.out), self.shown.out.join(file).metadata()) else {
-            return;
-        };
-        let casings = room.f_bavail.saturating_mul(room.f_frsize) / last.len().max(1);
+    /// Notes whether the disk has room for few more casings like the largest so far.
+    pub(super) fn watch_room(&mut self) {
+        self.room_looked_at = Instant::now();
+        let Ok(room) = rustix::fs::statvfs(&self.shown.out) else { return };
+        let casings = room.f_bavail.saturating_mul(room.f_frsize) / self.casing_bytes.max(1);
         self.room = (casings < ROOM_MIN)
             .then(|| format!("the disk of {} has room for some {casings} more casings", self.shown.out.display()));
     }
@@ -190,13 +199,15 @@ impl Supervisor<'_> {
         };
         if let Some(station) = self.station(verdict.station) {
             station.tally.add(verdict, last.retaken);
-            station.last = Some(last);
+            (station.last, station.is_removed, station.refused) = (Some(last), false, None);
             station.whole = Whole::median(verdict.shoulders.iter().map(|shoulder| &shoulder.whole));
             (station.calibrated_on, station.calibration_ends, station.is_calibration_out_of_date) = calibration(reader);
         }
         self.watch_rig(verdict);
         self.watch_signals(verdict);
-        self.watch_room(&verdict.file);
+        let file = self.shown.out.join(&verdict.file).metadata();
+        self.casing_bytes = self.casing_bytes.max(file.map_or(0, |file| file.len()));
+        self.watch_room();
     }
 
     /// Logs what the last casings of a station have in common, and keeps it for viewers.

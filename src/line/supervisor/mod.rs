@@ -2,7 +2,7 @@
 
 mod closed;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -14,7 +14,7 @@ use anyhow::Result;
 use tapline_host::messages::counted;
 use tapline_host::progress::Progress;
 use tapline_wire::{
-    CasingHeader, CasingTopic, Ledger, Line, LineAddress, OVER, Received, RecordKind, Subscriber, WaitTopic,
+    CasingHeader, CasingTopic, Ledger, Line, LineAddress, OVER, Quality, Received, RecordKind, Subscriber, WaitTopic,
     decode_opened, now_ns, scans_of,
 };
 
@@ -47,6 +47,9 @@ const SHOWN_MAX: usize = 16;
 
 /// The line is in trouble while its disk has room for fewer casings like the last.
 const ROOM_MIN: u64 = 100;
+
+/// How often it is then looked whether there is more.
+const ROOM_EVERY: Duration = Duration::from_secs(5);
 
 /// The outcome of a line.
 #[derive(Debug, Clone, Default)]
@@ -129,8 +132,13 @@ pub(crate) struct Supervisor<'a> {
     with_rig: Vec<u16>,
     open: Vec<Open>,
     shown: Status,
-    /// That the disk has room for few more casings.
+    /// Flags on most taps of the last casing of each station.
+    flagged: BTreeMap<u16, Quality>,
+    /// Bytes of the largest casing so far.
+    casing_bytes: u64,
+    /// That the disk has room for few more casings, and when that was looked at.
     room: Option<String>,
+    room_looked_at: Instant,
     /// The alarm that said that the archive cannot be written, until it can.
     held_since: Option<String>,
     shown_at: Instant,
@@ -177,7 +185,10 @@ impl<'a> Supervisor<'a> {
             with_rig: setup.rigs.clone(),
             open: Vec::new(),
             shown: Status { out: setup.out.clone(), pid: std::process::id(), stations, ..Status::default() },
+            flagged: BTreeMap::new(),
+            casing_bytes: 0,
             room: None,
+            room_looked_at: Instant::now(),
             held_since: None,
             shown_at: Instant::now(),
             looked_at: Instant::now(),
@@ -298,7 +309,7 @@ impl<'a> Supervisor<'a> {
             self.audience.progress.print(&format!("casing {name} {how}: {there} taps are done"));
         }
         if let Some(station) = self.station(station) {
-            (station.refused, station.removed) = (None, None);
+            (station.refused, station.is_removed) = (None, false);
         }
         // What was done before is not on the rig any more.
         drop(fs::remove_file(tapline_acquire::last_on_rig(&self.shown.out, station)));
@@ -321,11 +332,17 @@ impl<'a> Supervisor<'a> {
                     _ => self.alarm(text),
                 }
             }
+            Some(RecordKind::Removed) => {
+                self.audience.wires.iter().for_each(|wires| wires.now.refused(number));
+                if let Some(station) = self.station(number) {
+                    (station.is_removed, station.refused) = (true, None);
+                }
+            }
             kind => {
                 if let Some(station) = self.station(number) {
                     match kind {
                         Some(RecordKind::Fault) => station.fault = Some(text).filter(|text| !text.is_empty()),
-                        Some(RecordKind::Removed) => station.removed = Some(text),
+                        Some(RecordKind::Stopped) => station.stopped = Some(text).filter(|text| !text.is_empty()),
                         _ => station.waits_for = text,
                     }
                 }
@@ -423,6 +440,10 @@ impl<'a> Supervisor<'a> {
             return Ok(());
         }
         self.looked_at = Instant::now();
+        // Somebody may have made room.
+        if self.room.is_some() && self.room_looked_at.elapsed() > ROOM_EVERY {
+            self.watch_room();
+        }
         if self.is_news || !self.open.is_empty() || self.shown_at.elapsed() > SHOW_EVERY {
             self.show()?;
         }
@@ -492,6 +513,11 @@ impl<'a> Supervisor<'a> {
         let how = |casing: &Open| {
             let (name, station) = (&casing.name, station_of(&casing.header));
             match self.has_station(station) {
+                true if self.with_rig.contains(&station) => {
+                    format!(
+                        "casing {name} is not done: the same command continues it, if that comes within rig_patience_s"
+                    )
+                }
                 true => format!("casing {name} is not done: the same command continues it"),
                 false => format!("casing {name} is not done: its station {station} is not in the configuration"),
             }

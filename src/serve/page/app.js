@@ -236,7 +236,8 @@
     if (!isLive) return { state: 'unknown' };
     const { casing, last } = station;
     // What is at a station whose rig or device is away is not known.
-    if (station.fault) return { state: station.fault.startsWith('the rig is stopped') ? 'stopped' : 'unknown', casing };
+    if (station.fault) return { state: 'unknown', casing };
+    if (station.stopped) return { state: 'stopped', casing };
     if (casing) {
       const isTapped = casing.planned > 0 && casing.archived + casing.refused >= casing.planned;
       return { state: isTapped ? 'judging' : 'scanning', casing };
@@ -245,7 +246,7 @@
     if (status.held_by) return { state: 'held' };
     if (station.refused && isRecent(station.refused.at_ns, LIT_MS)) return { state: 'refused' };
     const verdict = verdictOf(station);
-    const isCurrent = verdict && last && station.removed !== last.name && isRecent(verdict.at_ns, LIT_MS);
+    const isCurrent = verdict && last && !station.is_removed && isRecent(verdict.at_ns, LIT_MS);
     if (isCurrent) return { state: kindOf(verdict.verdict), casing: last, verdict };
     return { state: 'idle' };
   }
@@ -291,7 +292,7 @@
     put(parts.waits, waits);
     const before = isLive && !verdict ? verdictOf(station) : undefined;
     keyed(parts.before, before ? before.casing + before.at_ns : '', () => (before ? ['Previous: ', sign(kindOf(before.verdict)), ` ${before.casing} ${before.verdict}, at ${moment(before.at_ns)}`] : []));
-    const daysLeft = (Date.parse(station.calibration_ends) - Date.now()) / 86400e3 + 1;
+    const daysLeft = (Date.parse(station.calibration_ends) - status.at_ns / 1e6) / 86400e3 + 1;
     const due = station.is_calibration_out_of_date
       ? [`▲ The calibration of ${station.calibrated_on ?? 'this station'} is not known to be valid on the day of the last casing`]
       : daysLeft < 15 ? [`▲ Calibrate this station: its calibration ends on ${station.calibration_ends}`] : [];
@@ -316,9 +317,13 @@
       return make('p', {}, make('a', { href: `/report?${query}`, target: '_blank', rel: 'noopener', 'aria-label': `Report of ${tyre}` }, name));
     });
   }
-  // Of a casing that was scanned before on that day, with the number of its scan.
+  // Of a casing that was scanned before on that day, with the number of its scan, which follows its name in that of the file.
   function nameOf(verdict) {
-    const [, again] = verdict.file.match(/\.(\d+)\.h5$/) ?? [];
+    const bytes = [...new TextEncoder().encode(verdict.casing)];
+    const plain = (byte) => /[A-Za-z0-9._-]/.test(String.fromCharCode(byte)) && byte < 128;
+    const name = bytes.map((byte) => (plain(byte) ? String.fromCharCode(byte) : `%${byte.toString(16).toUpperCase().padStart(2, '0')}`)).join('');
+    const stem = verdict.file.split('/').pop().replace(/\.h5$/, '');
+    const [, again] = stem.startsWith(name) ? stem.slice(name.length).match(/^\.(\d+)$/) ?? [] : [];
     return again ? `${verdict.casing} (scan ${again})` : verdict.casing;
   }
   function row(verdict) {

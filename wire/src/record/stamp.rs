@@ -25,8 +25,10 @@ pub enum RecordKind {
     Alarm,
     /// What keeps a station from taking in casings; it follows as text, which is empty when nothing does any more.
     Fault,
-    /// A casing that was done was taken off a station's rig; its name follows.
+    /// What was on a station's rig was taken off.
     Removed,
+    /// Why a station's rig does nothing; it follows as text, which is empty when it goes on.
+    Stopped,
 }
 
 /// What the text of an alarm begins with that has ended; the text of that alarm follows.
@@ -45,6 +47,7 @@ coded!(
     Alarm = 9,
     Fault = 10,
     Removed = 11,
+    Stopped = 12,
 );
 
 /// Identity of a record: its sender, when the sender started, and its position in what the sender has sent.

@@ -60,9 +60,7 @@ impl Dialogue {
             RigMessage::Casing(serial) => self.load(&serial, now),
             RigMessage::Removed => {
                 self.discard_loaded();
-                if let Some(serial) = self.last_end.on_rig().map(str::to_owned) {
-                    self.report(RecordKind::Removed, serial);
-                }
+                self.report(RecordKind::Removed, String::new());
                 self.last_end.clear();
                 if let Some(path) = &self.config.last_end {
                     // A line that starts anew is not to take the next casing of this serial for it.

@@ -110,13 +110,15 @@ impl Dialogue {
         std::mem::take(&mut self.messages)
     }
 
-    /// Why the rig does nothing, as text for people: there is no connection to it, or it is stopped.
+    /// Why there is no connection to the rig, as text for people; `None` while there is one.
     pub(crate) fn fault(&self) -> Option<String> {
-        if self.rig_name.is_some() {
-            return self.stopped.as_ref().map(|why| format!("the rig is stopped: {why}"));
-        }
         let why = self.fault.as_deref().unwrap_or("it has not answered yet");
-        Some(format!("there is no connection to the rig at {}: {why}", self.config.address))
+        self.rig_name.is_none().then(|| format!("there is no connection to the rig at {}: {why}", self.config.address))
+    }
+
+    /// Why the rig is stopped, as it says; `None` while it is not.
+    pub(crate) fn stopped(&self) -> Option<String> {
+        self.stopped.clone().filter(|_| self.rig_name.is_some())
     }
 
     /// What the station is waiting for, as text for people.
