@@ -20,8 +20,9 @@ pub(crate) struct Tapping {
     barrier: u8,
     /// For each planned tap the attempt that was sent last.
     sent: Vec<Option<u16>>,
-    /// Why no more taps will come.
+    /// Why no more taps will come, and whether the archive knows.
     gone: Option<String>,
+    is_given_up: bool,
     /// The barrier sent after the last tap, once the process was asked to end.
     drain_barrier: Option<u8>,
 }
@@ -49,6 +50,7 @@ impl Tapping {
             barrier,
             sent,
             gone: None,
+            is_given_up: false,
             drain_barrier: None,
         };
         tapping.phase = Phase::Tapping(tapping.missing());
@@ -79,7 +81,8 @@ impl Tapping {
     pub(crate) fn is_ended(&self) -> bool {
         let last =
             if self.casing.taps.about().room > 0 && self.gone.is_none() { ScanState::Judged } else { ScanState::Ended };
-        self.has_reached(last)
+        // An archive that does not know that it is gone would wait for more of its taps.
+        self.has_reached(last) && self.gone.is_some() == self.is_given_up
     }
 
     /// Whether all is tapped, but more taps may be requested until the verdict.
@@ -185,6 +188,7 @@ impl Tapping {
     fn barrier_passed(&mut self, outlet: &Outlet<'_>) -> Result<Next, LineError> {
         if let Some(reason) = &self.gone {
             outlet.give_up(self.number, reason)?;
+            self.is_given_up = true;
             self.phase = Phase::Ending(Instant::now());
             return Ok(Next::Within(SEND_AGAIN));
         }
