@@ -148,7 +148,7 @@ fn a_casing_that_cannot_go_on_is_an_alarm() {
     let text = fs::read_to_string(sandbox.path("plant.toml")).unwrap();
     sandbox.write("plant.toml", &format!("{text}[fuse]\nre_inspect_rate = 0.03\n"));
     let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json");
-    line.wait_for_log(&["ERROR", "must be tapped again", "its taps so far are in "]);
+    line.wait_for_log(&["ERROR", "must be tapped again", "its taps so far are put aside as "]);
     until("the alarm", || {
         sandbox.run("status --out out --json").json(0)["alarms"].to_string().contains("must be tapped again")
     });

@@ -52,7 +52,8 @@ impl StageLoop<'_> {
         let left = self.run.places.leave(path).map_err(write_failure)?;
         let stem = stem_of(path);
         let name = name_of_open(&stem);
-        let text = format!("casing {name} must be tapped again: {error}; its taps so far are in {}", left.display());
+        let text =
+            format!("casing {name} must be tapped again: {error}; its taps so far are put aside as {}", left.display());
         tracing::error!("{text}");
         self.notices.put_aside(casing_number(&stem), &text);
         Ok(())
