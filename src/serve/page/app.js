@@ -364,7 +364,8 @@
       ['taps/s', status.taps_per_s.toFixed(1)], ['casings judged', status.closed_count], ['taps archived', taps[0]],
       ['taps refused', taps[1]], ['taps missing', taps[2]], ['casings refused', status.refused_count],
     ];
-    keyed(byId('numbers'), JSON.stringify(numbers), () => numbers.map(([name, value]) => make('div', {}, make('dt', {}, name), make('dd', {}, String(value)))));
+    const shown = numbers.filter(([, value], k) => k < 5 || value > 0);
+    keyed(byId('numbers'), JSON.stringify(shown), () => shown.map(([name, value]) => make('div', {}, make('dt', {}, name), make('dd', {}, String(value)))));
   }
 
   // Verdicts since the page was opened are read out, the oldest first.

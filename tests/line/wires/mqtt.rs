@@ -233,8 +233,8 @@ fn a_verdict_waits_for_a_subscriber() {
     assert_eq!(unreported(&sandbox).len(), 2);
     let health = ask(&address, "/healthz", "");
     assert!(health.code == 503 && health.body.contains(word), "{health:?}");
-    let metrics = ask(&address, "/metrics", "").body;
-    assert!(metrics.contains("\ntapline_verdicts_waiting{receiver=\"mqtt\"} 2"), "{metrics}");
+    let is_counted = || ask(&address, "/metrics", "").body.contains("\ntapline_verdicts_waiting{receiver=\"mqtt\"} 2");
+    until("both wait", is_counted);
     assert!(sandbox.run("status --out out").expect(0).out.contains("wait to be acknowledged: mqtt 2"));
     // Two more attempts, of which the log says nothing.
     std::thread::sleep(Duration::from_millis(2500));
