@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::sandbox::{Sandbox, difference, files};
+use crate::sandbox::{Sandbox, columns, difference, files};
 use tapline_testing::documents::{csv_rows, docs, text};
 
 const FIGURES: [&str; 10] =
@@ -21,6 +21,18 @@ fn what_is_committed_is_what_the_program_finds() {
     let names = |files: &BTreeMap<String, String>| files.keys().filter(is_kept).cloned().collect::<Vec<_>>();
     assert_eq!(names(&kept), names(&made));
     assert_eq!((printed.lines().count(), made.len()), (2 * FIGURES.len() + 2, 2 * FIGURES.len() + 2));
+    let columns = columns(&made);
+    let rough = |of: &str| of.lines().filter(|line| line.starts_with("fig76")).collect::<Vec<_>>().join("\n");
+    let exact = |of: &str| of.lines().filter(|line| !line.starts_with("fig76")).collect::<Vec<_>>().join("\n");
+    let kept_columns = include_str!("experiment.csv");
+    let differs = difference(&exact(kept_columns), &exact(&columns), |number| 1e-6 * number.abs()).or(difference(
+        &rough(kept_columns),
+        &rough(&columns),
+        |number| 0.011 * number.abs(),
+    ));
+    if let Some(difference) = differs {
+        panic!("{difference}: these are the columns now:\n{columns}");
+    }
     for name in ["claims.csv", "experiment.md"] {
         if let Some(difference) = difference(&kept[name], &made[name], |number| 0.011 * number.abs()) {
             panic!("{name}: {difference}: run `tapline-lab experiment --out docs/experiment --force`");

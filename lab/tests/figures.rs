@@ -6,7 +6,7 @@ use std::path::Path;
 
 use tapline_testing::documents::{docs, text};
 
-use crate::sandbox::{Sandbox, difference, files};
+use crate::sandbox::{Sandbox, columns, difference, files};
 
 const NUMBERS: [u8; 19] = [11, 12, 13, 16, 17, 18, 19, 20, 22, 23, 24, 25, 26, 27, 31, 32, 36, 37, 38];
 
@@ -20,6 +20,10 @@ fn committed_figures_are_up_to_date() {
     let sandbox = Sandbox::new();
     let printed = sandbox.run("figures --out drawn").expect(0).out;
     assert_eq!(printed.lines().count(), 2 * NUMBERS.len(), "{printed}");
+    let made = columns(&files(&sandbox.path("drawn")));
+    if let Some(difference) = difference(include_str!("figures.csv"), &made, |number| 1e-6 * number.abs()) {
+        panic!("{difference}: these are the columns now:\n{made}");
+    }
     // Only the pictures are kept, not their tables.
     let pictures = |folder: &Path| -> BTreeMap<String, String> {
         files(folder).into_iter().filter(|(name, _)| name.ends_with(".svg")).collect()

@@ -1,11 +1,11 @@
 //! What the tests share: a folder for each, the built program run in it, and the files it leaves.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use tapline_testing::documents::text;
+use tapline_testing::documents::{csv_rows, text};
 use tapline_testing::program::Done;
 use tempfile::TempDir;
 
@@ -55,4 +55,24 @@ pub(crate) fn difference(kept: &str, made: &str, allowed: impl Fn(f64) -> f64) -
         _ => kept != made,
     };
     kept.iter().zip(&made).find(differs).map(|(kept, made)| format!("{kept} is now {made}"))
+}
+
+/// What identifies the tables of pictures, which are not kept: of each numeric column, how many numbers it has, the mean of their
+/// magnitudes, and their root mean square.
+pub(crate) fn columns(files: &BTreeMap<String, String>) -> String {
+    let mut lines = String::new();
+    for (name, table) in files.iter().filter(|(name, _)| name.starts_with("fig") && name.ends_with(".csv")) {
+        let rows = csv_rows(table);
+        let names: BTreeSet<&String> = rows.iter().flat_map(|row| row.keys()).collect();
+        for column in names {
+            let numbers: Vec<f64> = rows.iter().filter_map(|row| row[column].parse().ok()).collect();
+            let count = numbers.len() as f64;
+            let mean = numbers.iter().map(|x| x.abs()).sum::<f64>() / count;
+            let rms = (numbers.iter().map(|x| x * x).sum::<f64>() / count).sqrt();
+            if !numbers.is_empty() {
+                lines.push_str(&format!("{name},{column},{count},{mean:.9e},{rms:.9e}\n"));
+            }
+        }
+    }
+    lines
 }
