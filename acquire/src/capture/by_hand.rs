@@ -257,6 +257,13 @@ mod tests {
         }
     }
 
+    /// Writes `text` into the file of serials, as if at this time.
+    fn write_at(file: &Path, text: &str, at_s: u64) {
+        std::fs::write(file, text).unwrap();
+        let at = SystemTime::UNIX_EPOCH + Duration::from_secs(at_s);
+        std::fs::File::options().write(true).open(file).unwrap().set_modified(at).unwrap();
+    }
+
     fn station(cable: &Cable, serial_file: Option<PathBuf>) -> ByHand {
         ByHand::of(Arc::clone(&cable.ear), serial_file, 3, &ScanConfig::default())
     }
@@ -266,11 +273,7 @@ mod tests {
     fn a_serial_is_used_once_also_where_the_line_was_started_again() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("serial.txt");
-        let write = |serial: &str, at_s: u64| {
-            std::fs::write(&file, serial).unwrap();
-            let at = SystemTime::UNIX_EPOCH + Duration::from_secs(at_s);
-            std::fs::File::options().write(true).open(&file).unwrap().set_modified(at).unwrap();
-        };
+        let write = |text: &str, at_s: u64| write_at(&file, text, at_s);
         write("A", 1_000_000_000);
         for at_s in [1_000_000_001, 1_000_000_003] {
             let cable = Cable::new(&config(16));
@@ -294,11 +297,7 @@ mod tests {
     fn the_serial_of_the_next_casing_ends_this_one() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("serial.txt");
-        let write = |text: &str, at_s: u64| {
-            std::fs::write(&file, text).unwrap();
-            let at = SystemTime::UNIX_EPOCH + Duration::from_secs(at_s);
-            std::fs::File::options().write(true).open(&file).unwrap().set_modified(at).unwrap();
-        };
+        let write = |text: &str, at_s: u64| write_at(&file, text, at_s);
         let cable = Cable::new(&config(16));
         let mut station = station(&cable, Some(file.clone()));
         write("\u{feff}A\r\n", 1_000_000_000);
