@@ -96,8 +96,13 @@ impl<'l, T: Topic> Publisher<'l, T> {
                 // It is the subscriber that is held up.
                 waker.beat();
                 // The subscriber that blocks may be dead: the supervisor notices and removes it, which ends this wait.
-                let pause_us = [100, 400, 2000][(info.retries.min(64) / 32) as usize];
-                std::thread::sleep(Duration::from_micros(pause_us));
+                // One that runs frees a place before the shortest sleep ends: with sleeps alone 4 KiB took 10 us instead of 3.
+                match info.retries {
+                    0..32 => std::thread::yield_now(),
+                    32..64 => std::thread::sleep(Duration::from_micros(100)),
+                    64..96 => std::thread::sleep(Duration::from_micros(400)),
+                    _ => std::thread::sleep(Duration::from_millis(2)),
+                }
                 BackpressureAction::Retry
             })
             .create()
