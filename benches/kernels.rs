@@ -461,7 +461,7 @@ fn judge_again(extractor: &mut ProcessExtractor) -> Result<Vec<Kernel<'static>>>
         let set = build_reference(&Built::default(), (0..plan.scans().len()).filter_map(known).collect())?;
         let fusions = [
             Fusion::new(&FuseConfig::by(Reference::Own), plan)?,
-            Fusion::with_reference(&FuseConfig::default(), plan, Arc::new(set))?,
+            Fusion::by(&FuseConfig::default(), plan, Some(Arc::new(set)))?,
         ];
         for (by, mut fusion) in ["itself", "a reference"].into_iter().zip(fusions) {
             let mut records = records.clone();

@@ -85,28 +85,36 @@ fn finish(line: Child) -> Done {
 }
 
 /// Catches a tap that is lost, a result that changes, and a stage that is not started again, or is twice, when one stage or two at
-/// once are killed while all else works.
+/// once are killed, or ended by another process, such as a service manager, while all else works.
 #[test]
-fn stages_are_killed_alone_and_by_twos() {
+fn stages_are_killed_and_ended_alone_and_by_twos() {
     let (sandbox, expected) = undisturbed(SCAN);
     // Slower than the others: after each kill some taps must come before the next.
     let line = start(&sandbox, TAPS_PER_S / 2.0);
-    let groups: [&[&str]; 6] =
-        [&["process"], &["fuse"], &["store"], &["acquire-0"], &["store", "process"], &["fuse", second_acquire()]];
+    let groups: [(Signal, &[&str]); 8] = [
+        (Signal::KILL, &["process"]),
+        (Signal::KILL, &["fuse"]),
+        (Signal::KILL, &["store"]),
+        (Signal::KILL, &["acquire-0"]),
+        (Signal::KILL, &["store", "process"]),
+        (Signal::KILL, &["fuse", second_acquire()]),
+        (Signal::TERM, &["process", "store"]),
+        (Signal::TERM, &["fuse", second_acquire()]),
+    ];
     let mut settled = 0;
-    for victims in groups {
+    for (with, victims) in groups {
         settled = settled_beyond(&sandbox, settled + 20)
-            .unwrap_or_else(|| panic!("after {settled} no taps come before {victims:?} are killed"));
+            .unwrap_or_else(|| panic!("after {settled} no taps come before {with:?} to {victims:?}"));
         let pids: Vec<i32> = victims.iter().map(|words| stage(&line, words)).collect();
-        eprintln!("{victims:?} are killed after {settled} taps");
+        eprintln!("{with:?} to {victims:?} after {settled} taps");
         for pid in pids {
-            signal(pid, Signal::KILL);
+            signal(pid, with);
         }
     }
     let done = finish(line);
     let summary = done.json(0);
     assert_eq!(summary["is_complete"], true, "{done:?}");
-    assert_eq!(summary["pace"]["restarts"], 8, "{done:?}");
+    assert_eq!(summary["pace"]["restarts"], 12, "{done:?}");
     assert_whole(&sandbox, "paced", &expected);
 }
 
@@ -127,19 +135,6 @@ fn stages_are_killed_at_the_end() {
         assert_whole(&sandbox, "paced", &expected);
         std::fs::remove_dir_all(sandbox.path("paced")).unwrap();
     }
-}
-
-/// A stage that another process ends, such as a service manager, is restarted like one that was killed.
-#[test]
-fn stages_that_another_process_ends_are_started_again() {
-    let (sandbox, expected) = undisturbed(SCAN);
-    let line = start(&sandbox, TAPS_PER_S);
-    for words in ["process", "store", "fuse", second_acquire()] {
-        signal(stage(&line, words), Signal::TERM);
-        std::thread::sleep(Duration::from_millis(150));
-    }
-    finish(line).expect(0);
-    assert_whole(&sandbox, "paced", &expected);
 }
 
 /// Killed while the line starts, before anything is connected.

@@ -70,51 +70,39 @@ pub struct Fusion {
 }
 
 impl Fusion {
-    /// A fusion that waits for the taps of `plan`.
+    /// A fusion that waits for the taps of `plan`, without shoulders of earlier runs.
     ///
     /// # Errors
-    /// What [`FuseConfig::validate`] refuses, [`Error::ReferenceNotNamed`], [`Error::ReferenceNotPlanned`], and
-    /// [`Error::ReferenceNotRead`] for a reference in a file: [`Fusion::with_reference`] takes it.
+    /// As [`Fusion::by`].
     pub fn new(config: &FuseConfig, plan: &Plan) -> Result<Self, Error> {
-        if let Some(Reference::File(path)) = &config.reference {
-            return Err(Error::ReferenceNotRead { path: path.clone() });
-        }
-        Self::build(config, plan, None)
+        Self::by(config, plan, None)
     }
 
-    /// A fusion that compares every casing of `plan` with the shoulders of `set`, by the directions that are stored there
-    /// and whatever reference the configuration names.
+    /// A fusion that waits for the taps of `plan`. Where there is a `set`, it compares every casing with the shoulders of it, by the
+    /// directions that are stored there and whatever reference the configuration names.
     ///
     /// # Errors
-    /// What [`FuseConfig::validate`] refuses, [`Error::NothingInCommon`] for a set that has no tap at any offset and velocity
-    /// of the plan, and [`Error::OtherLocations`] for rings of another number of locations.
-    pub fn with_reference(config: &FuseConfig, plan: &Plan, set: Arc<ReferenceSet>) -> Result<Self, Error> {
-        let reference = Some(Reference::File(PathBuf::from(set.digest())));
-        let config = FuseConfig { directions: set.directions, reference, ..config.clone() };
-        set.check_conditions(plan)?;
-        set.check_locations(plan)?;
-        Self::build(&config, plan, Some(set))
-    }
-
-    /// As [`Fusion::with_reference`] where there is a `set`, and else as [`Fusion::new`].
-    ///
-    /// # Errors
-    /// As theirs.
+    /// What [`FuseConfig::validate`] refuses. With a set [`Error::NothingInCommon`] if it has no tap at any offset and velocity
+    /// of the plan, and [`Error::OtherLocations`] for rings of another number of locations. Without one
+    /// [`Error::ReferenceNotNamed`], [`Error::ReferenceNotPlanned`], and [`Error::ReferenceNotRead`] for a reference in a file.
     pub fn by(config: &FuseConfig, plan: &Plan, set: Option<Arc<ReferenceSet>>) -> Result<Self, Error> {
-        match set {
-            Some(set) => Self::with_reference(config, plan, set),
-            None => Self::new(config, plan),
-        }
-    }
-
-    fn build(config: &FuseConfig, plan: &Plan, set: Option<Arc<ReferenceSet>>) -> Result<Self, Error> {
+        let config = match (&set, &config.reference) {
+            (Some(set), _) => {
+                set.check_conditions(plan)?;
+                set.check_locations(plan)?;
+                let reference = Some(Reference::File(PathBuf::from(set.digest())));
+                FuseConfig { directions: set.directions, reference, ..config.clone() }
+            }
+            (None, Some(Reference::File(path))) => return Err(Error::ReferenceNotRead { path: path.clone() }),
+            (None, _) => config.clone(),
+        };
         config.validate()?;
         Ok(Self {
-            config: config.clone(),
             scan_of_tap: plan.scan_of_tap(),
             seen: vec![None; plan.taps().len()],
             progress: vec![Progress::default(); plan.scans().len()],
-            groups: ScanGroups::new(config, plan)?,
+            groups: ScanGroups::new(&config, plan)?,
+            config,
             rings: (plan.scans().iter().enumerate())
                 .map(|(scan, of)| Ring::of(plan.geometry, &of.locations, closing_location(plan, scan)))
                 .collect(),

@@ -124,7 +124,7 @@ fn rings_of_another_number_of_locations_are_refused() {
     // Catches arcs of so many locations compared with arcs of another length.
     let set = set_of(shoulders_of(&Casing::default(), 1, false, "A"));
     let plan = Casing { location_count: 50, ..Casing::default() }.plan();
-    let error = Fusion::with_reference(&file(), &plan, Arc::new(set)).unwrap_err();
+    let error = Fusion::by(&file(), &plan, Some(Arc::new(set))).unwrap_err();
     assert_eq!(error, Error::OtherLocations { known: 100, planned: 50 });
     // Nor are such rings one reference.
     let mut mixed = shoulders_of(&Casing::default(), 1, false, "A");
@@ -175,7 +175,7 @@ fn every_index_finds_a_crack_beside_labelled_ones() {
     let found = records(&casing, &plan, 9);
     for index in IndexKind::ALL {
         let config = FuseConfig { index, ..file() };
-        let score = scored(Fusion::with_reference(&config, &plan, Arc::new(set.clone())).unwrap(), &found);
+        let score = scored(Fusion::by(&config, &plan, Some(Arc::new(set.clone()))).unwrap(), &found);
         assert!(score.index.unwrap() > 0.9, "{} {score:?}", index.name());
     }
     assert_eq!(judged(&set, &file(), &casing, 9).0, Verdict::Reject);
@@ -229,7 +229,7 @@ fn a_plan_without_a_condition_in_common_is_refused() {
     // Catches taps compared with those of other offsets, and a run that ends with no index at all.
     let set = set_of(shoulders_of(&Casing::default(), 1, false, "A"));
     let elsewhere = Casing { offsets_mm: vec![5.0], ..Casing::default() }.plan();
-    let error = Fusion::with_reference(&file(), &elsewhere, Arc::new(set.clone())).unwrap_err();
+    let error = Fusion::by(&file(), &elsewhere, Some(Arc::new(set.clone()))).unwrap_err();
     assert!(error.to_string().contains("10 mm, 1.5 m/s") && error.to_string().contains("5 mm, 1 m/s"), "{error}");
     // One in common serves: the crack is found by what is left.
     let part = Casing { offsets_mm: vec![0.0, 5.0], cracks: vec![(1, 40..46)], shift: 4.0, ..Casing::default() };

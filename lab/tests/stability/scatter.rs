@@ -103,7 +103,7 @@ pub(crate) fn judge_by_file(
     records: &[Discriminators],
 ) -> Vec<(Judgement, Vec<DamageCell>)> {
     let config = FuseConfig { reference: Some(Reference::File("sound.json".into())), ..config.clone() };
-    judge_by(Fusion::with_reference(&config, plan, set.clone()).unwrap(), plan, records)
+    judge_by(Fusion::by(&config, plan, Some(set.clone())).unwrap(), plan, records)
 }
 
 fn judge_by(mut fusion: Fusion, plan: &Plan, records: &[Discriminators]) -> Vec<(Judgement, Vec<DamageCell>)> {

@@ -79,7 +79,7 @@ impl<'l, T: Topic> Publisher<'l, T> {
         let bytes = publisher_bytes::<T>(line.limits(), receiver);
         let what = format!("{} from {}", T::NAME, line.role().name());
         // The start of the line has checked that there is memory for all; what has filled it since will be freed.
-        shm::wait_until_free(&what, bytes, || line.is_stopped())?;
+        shm::retry_until_free(&|| line.is_stopped(), || shm::compare(&what, bytes as u64, shm::free_bytes()?))?;
         let service = open::<T>(line, receiver)?;
         let elements_max = T::elements_max(line.limits(), receiver);
         let may_block = Arc::new(AtomicBool::new(true));

@@ -25,16 +25,6 @@ pub fn free_bytes() -> Result<u64, LineError> {
     Ok(stat.f_bavail * stat.f_frsize)
 }
 
-/// Waits until `need_bytes` of shared memory are free for `what`; logs that it waits, and when the wait has ended.
-///
-/// For a stage that restarts while the line runs.
-///
-/// # Errors
-/// [`LineError::Stopped`] if `is_stopped` becomes true; as [`free_bytes`].
-pub fn wait_until_free(what: &str, need_bytes: usize, is_stopped: impl Fn() -> bool) -> Result<(), LineError> {
-    retry_until_free(&is_stopped, || compare(what, need_bytes as u64, free_bytes()?))
-}
-
 /// Repeats `attempt` while it fails with [`LineError::NoRoom`].
 ///
 /// # Errors
@@ -112,7 +102,7 @@ fn fill(path: &Path) -> Result<(), Errno> {
 }
 
 /// Refuses more than is free, with both numbers.
-fn compare(what: &str, need: u64, free: u64) -> Result<(), LineError> {
+pub(crate) fn compare(what: &str, need: u64, free: u64) -> Result<(), LineError> {
     if need > free {
         return Err(LineError::NoRoom { what: what.to_owned(), need, free });
     }
@@ -157,7 +147,7 @@ mod tests {
             if attempts.get() < 3 { compare("it", 2, 1) } else { Ok(()) }
         });
         assert!(come.is_ok() && attempts.get() == 3);
-        let ended = wait_until_free("everything", usize::MAX / 2, || true).unwrap_err();
+        let ended = retry_until_free(&|| true, || compare("everything", u64::MAX, free_bytes()?)).unwrap_err();
         assert!(matches!(ended, LineError::Stopped { .. }), "{ended}");
     }
 }

@@ -1,13 +1,12 @@
 //! Codecs: processor time of packing against the packed size, on simulated and on recorded taps.
 
-use std::io::{Read as _, Write as _};
+use std::io::Write as _;
 
 use anyhow::{Result, ensure};
 use flate2::Compression;
-use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
 use tapline_acquire::{ScanConfig, SimulatedLine, Source};
-use tapline_codec::{Codec, pack, unpack};
+use tapline_codec::{Codec, pack, unpack, unpack_gzip};
 use tapline_model::SimulationConfig;
 
 use crate::chart::Bench;
@@ -160,15 +159,13 @@ fn pack_by(codec: Codec, element_bytes: usize, tap: &[u8]) -> Vec<u8> {
 
 fn unpack_by(codec: Codec, element_bytes: usize, packed: &[u8], length: usize, back: &mut Vec<u8>) {
     back.clear();
-    if codec == Codec::Gzip {
-        let mut planes = Vec::new();
-        if ZlibDecoder::new(packed).read_to_end(&mut planes).is_ok() {
-            *back = unshuffled(element_bytes, &planes);
-        }
-        return;
-    }
     back.resize(length, 0);
-    if !unpack(codec, packed, std::iter::once(0..length), back, &mut Vec::new()) {
+    let planes = &mut Vec::new();
+    let is_valid = match codec {
+        Codec::Gzip => unpack_gzip(element_bytes, packed, back, planes),
+        codec => unpack(codec, packed, std::iter::once(0..length), back, planes),
+    };
+    if !is_valid {
         back.clear();
     }
 }
@@ -176,24 +173,4 @@ fn unpack_by(codec: Codec, element_bytes: usize, packed: &[u8], length: usize, b
 /// First the first bytes of all elements, then the second ones, and so on, like HDF5's filter `shuffle`.
 fn shuffled(element_bytes: usize, bytes: &[u8]) -> Vec<u8> {
     (0..element_bytes).flat_map(|k| bytes.iter().skip(k).step_by(element_bytes).copied()).collect()
-}
-
-fn unshuffled(element_bytes: usize, planes: &[u8]) -> Vec<u8> {
-    let count = planes.len() / element_bytes;
-    (0..planes.len()).map(|k| planes[k % element_bytes * count + k / element_bytes]).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Catches bytes that are lost or change places.
-    #[test]
-    fn shuffled_bytes_come_back() {
-        let bytes: Vec<u8> = (0..24).collect();
-        assert_eq!(shuffled(2, &bytes)[..3], [0, 2, 4]);
-        for element_bytes in [1, 2, 4] {
-            assert_eq!(unshuffled(element_bytes, &shuffled(element_bytes, &bytes)), bytes);
-        }
-    }
 }

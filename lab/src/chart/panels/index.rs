@@ -134,7 +134,7 @@ fn costs(bench: &Bench, groups: &[Group], rules: &[Rule]) -> Result<Vec<Cost>> {
         let judging = rule.judging(&bench.size, group)?;
         let Dataset { plan, records } = set.part(0..1, &judging.taps, *scene)?;
         let reference = judging.reference.context("rules need a reference")?;
-        prepared.push((Fusion::with_reference(&judging.config, &plan, reference)?, plan, records));
+        prepared.push((Fusion::by(&judging.config, &plan, Some(reference))?, plan, records));
     }
     let workloads: Vec<Workload<'_>> = prepared
         .iter_mut()
