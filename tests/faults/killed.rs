@@ -91,19 +91,20 @@ fn stages_are_killed_and_ended_alone_and_by_twos() {
     let (sandbox, expected) = undisturbed(SCAN);
     // Slower than the others: after each kill some taps must come before the next.
     let line = start(&sandbox, TAPS_PER_S / 2.0);
+    // Sources first, while they have taps to send.
     let groups: [(Signal, &[&str]); 8] = [
+        (Signal::KILL, &["acquire-0"]),
+        (Signal::KILL, &["fuse", second_acquire()]),
+        (Signal::TERM, &["fuse", second_acquire()]),
         (Signal::KILL, &["process"]),
         (Signal::KILL, &["fuse"]),
         (Signal::KILL, &["store"]),
-        (Signal::KILL, &["acquire-0"]),
-        (Signal::KILL, &["store", "process"]),
-        (Signal::KILL, &["fuse", second_acquire()]),
         (Signal::TERM, &["process", "store"]),
-        (Signal::TERM, &["fuse", second_acquire()]),
+        (Signal::KILL, &["store", "process"]),
     ];
     let mut settled = 0;
     for (with, victims) in groups {
-        settled = settled_beyond(&sandbox, settled + 20)
+        settled = settled_beyond(&sandbox, settled + 10)
             .unwrap_or_else(|| panic!("after {settled} no taps come before {with:?} to {victims:?}"));
         let pids: Vec<i32> = victims.iter().map(|words| stage(&line, words)).collect();
         eprintln!("{with:?} to {victims:?} after {settled} taps");
