@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use tapline_wire::{Serial, TapId};
+use tapline_wire::{Geometry, Serial, TapId};
 
 /// Why the fusion cannot be set up, or a record has no place in it.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -38,6 +38,12 @@ pub enum Error {
     /// A reference has no tap at any offset and velocity of the plan.
     #[error("the reference has taps at {known}, the scan plan at {planned}: they have none in common")]
     NothingInCommon { known: String, planned: String },
+    /// The reference has rings and the plan a line, or the other way round.
+    #[error(
+        "the scan plan has locations of a {}, and the shoulders of the reference do not: they cannot be compared",
+        planned.name()
+    )]
+    OtherGeometry { planned: Geometry },
     /// The rings of a reference have a different number of locations from those of the plan.
     #[error(
         "the scan taps {planned} locations per ring, which are not all among the {known} of the reference: their arcs cannot be compared"

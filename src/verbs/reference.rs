@@ -56,6 +56,9 @@ pub(crate) fn reference(args: &ReferenceArgs) -> Result<bool> {
     Ok(is_complete)
 }
 
+/// A limit so many times that of noise is remarked on. Those of sound casings of both simulators, rough ones too, are at most 1.2 times.
+const UNEVEN: f64 = 1.5;
+
 /// What is taken of the archives.
 struct Taken<'a> {
     args: &'a ReferenceArgs,
@@ -246,6 +249,13 @@ impl<'a> Taken<'a> {
                         names.join(", ")
                     ));
                 }
+                let limit = set.summary.limit_re_inspect;
+                if let Some(noise) = set.summary.limit_of_noise.filter(|noise| limit > UNEVEN * noise) {
+                    say(&format!(
+                        "a shoulder must stand out by {limit:.2} to be inspected again; noise alone would give {noise:.2}: many of these \
+                         casings are cracked or very uneven, and cracks that stand out less will pass"
+                    ));
+                }
                 if let (Some(day), 1) = (self.days.first(), self.days.len()) {
                     say(&format!(
                         "all casings were tapped on {day}: by this reference sound ones that are some degrees warmer or colder may be level_off; \
@@ -298,6 +308,7 @@ fn of(path: &Path, set: &ReferenceSet) -> Value {
         "limit_re_inspect": summary.limit_re_inspect,
         "re_inspect_rate": summary.re_inspect_rate,
         "limit_reject": summary.limit_reject,
+        "limit_of_noise": summary.limit_of_noise,
         "reject_rate": summary.reject_rate,
         "supported_rate": summary.supported_rate,
         "standing_out": summary.standing_out,

@@ -90,15 +90,16 @@ impl Now {
         }
     }
 
-    /// The casing at a station is judged; `is_busy` says whether another one is under way there.
-    pub(crate) fn judged(&self, verdict: &CasingVerdict, is_busy: bool) {
+    /// The casing at a station is judged; `is_busy` says whether another one is under way there, `is_removed` whether it was taken off
+    /// before.
+    pub(crate) fn judged(&self, verdict: &CasingVerdict, is_busy: bool, is_removed: bool) {
         let verdict = Arc::new(verdict.clone());
         let mut state = self.state();
         state.latest = Some(Arc::clone(&verdict));
         if let Some(station) = state.stations.get_mut(&verdict.station) {
             station.judged_count += 1;
             station.is_busy = is_busy;
-            station.verdict = (!is_busy).then(|| (Instant::now(), verdict));
+            station.verdict = (!is_busy && !is_removed).then(|| (Instant::now(), verdict));
         }
     }
 
@@ -185,19 +186,21 @@ mod tests {
             file: PathBuf::new(),
         };
         now.show(&shown, false);
-        now.judged(&verdict, false);
-        assert_eq!(now.at(1), (StationState::Judged(Arc::new(verdict)), 1));
+        now.judged(&verdict, false, true);
+        assert_eq!(now.at(1), (StationState::Ready, 1), "it was taken off before its verdict");
+        now.judged(&verdict, false, false);
+        assert_eq!(now.at(1), (StationState::Judged(Arc::new(verdict)), 2));
         now.state().at = Instant::now().checked_sub(SILENT_AFTER);
         assert_eq!((now.at(1), now.latest()), ((StationState::NoSignal, 0), None));
         now.show(&shown, false);
-        assert!(matches!(now.at(1), (StationState::Judged(_), 1)));
+        assert!(matches!(now.at(1), (StationState::Judged(_), 2)));
         now.show(&shown, true);
         assert_eq!((now.at(1), now.latest()), ((StationState::NoSignal, 0), None));
         let away = [StationStatus { fault: Some("the rig is away".to_owned()), ..shown[0].clone() }];
         now.show(&away, false);
-        assert_eq!(now.at(1), (StationState::NoSignal, 1), "its rig is away");
+        assert_eq!(now.at(1), (StationState::NoSignal, 2), "its rig is away");
         now.show(&shown, false);
-        assert!(matches!(now.at(1), (StationState::Judged(_), 1)));
+        assert!(matches!(now.at(1), (StationState::Judged(_), 2)));
         now.end();
         assert_eq!((now.at(1), now.latest()), ((StationState::NoSignal, 0), None));
     }

@@ -64,6 +64,11 @@ impl Limits {
         Self::File { mean, sd, count: casing_count as f64 }
     }
 
+    /// The limits if the shoulders of `casing_count` casings, at least one, showed nothing but what `white` rings do.
+    pub(crate) fn of_noise(casing_count: usize, white: White) -> Self {
+        Self::File { mean: white.median, sd: ESTIMATED_SPREAD * white.sd, count: casing_count as f64 }
+    }
+
     /// The value that the strongest arc of a sound shoulder reaches with probability `rate`.
     pub(crate) fn at(self, rate: f64) -> f64 {
         match self {

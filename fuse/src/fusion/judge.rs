@@ -227,21 +227,28 @@ impl<'a> View<'a> {
 
     /// Whether they differ as those of few sound ones do, and an arc reaches the re-inspect limit, which may be due to that.
     pub(super) fn is_doubtful(&self, config: &FuseConfig) -> bool {
-        let is_called = || !self.arcs(self.fitted.limits.at(config.re_inspect_rate)).is_empty();
+        let limits = &self.fitted.limits;
+        let is_called = || !self.arcs(limits.at(config.re_inspect_rate), limits.at(config.reject_rate)).is_empty();
         self.fitted.scatter_limits.as_ref().is_some_and(|limits| limits.are_doubtful(self.scores)) && is_called()
     }
 
     /// Whether an arc is damage by the reject limit.
     pub(super) fn is_rejected(&self, config: &FuseConfig, geometry: Geometry) -> bool {
         let limit_reject = self.fitted.limits.at(config.reject_rate);
-        self.arcs(limit_reject).iter().any(|(arc, second)| is_damage(arc, *second, geometry, limit_reject))
+        self.arcs(limit_reject, limit_reject)
+            .iter()
+            .any(|(arc, second)| is_damage(arc, *second, geometry, limit_reject))
     }
 
     /// The arcs that reach `limit`, each with what its second reading alone shows, but those that it clears.
-    fn arcs(&self, limit: f64) -> Vec<(Arc, Option<f64>)> {
+    ///
+    /// It does not clear several places that together still reach `limit_reject`: no sound shoulder showed that, and a casing that has
+    /// slipped between the readings does.
+    fn arcs(&self, limit: f64, limit_reject: f64) -> Vec<(Arc, Option<f64>)> {
         let arcs = arcs_above(&self.fitted.statistic, &self.shoulder.ring, &self.maps, limit).into_iter();
         let with_second = arcs.map(|arc| (arc, self.second_value(arc)));
-        with_second.filter(|(_, second)| second.is_none_or(|value| value >= CLEARED_SD)).collect()
+        let is_cleared = |arc: &Arc, second: f64| second < CLEARED_SD && !(arc.length > 1 && arc.value >= limit_reject);
+        with_second.filter(|(arc, second)| second.is_none_or(|second| !is_cleared(arc, second))).collect()
     }
 
     /// Fills in the damage index, and what arcs, scatter and level say of the shoulder.
@@ -289,7 +296,7 @@ impl<'a> View<'a> {
     /// Adds the reasons of the arcs that reach the re-inspect limit, and fills in the regions that they form.
     fn judge_arcs(&self, geometry: Geometry, judgement: &mut Judgement, cells: &mut [DamageCell]) {
         let ring = &self.shoulder.ring;
-        let arcs = self.arcs(judgement.limit_re_inspect);
+        let arcs = self.arcs(judgement.limit_re_inspect, judgement.limit_reject);
         // By the scales of a reference that scatters less nothing is damage.
         let can_be_damage = !self.is_scatter_off || self.fitted.setup.is_own;
         let mut is_inside = vec![false; ring.len()];

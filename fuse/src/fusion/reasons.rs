@@ -1,13 +1,16 @@
 //! Reasons against PASS that do not depend on scores: what is missing, refused, unknown or not calibrated.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::sync::Arc;
 
-use tapline_wire::{Geometry, Purpose, Quality, Reasons};
+use tapline_wire::{Discriminator, Geometry, Purpose, Quality, Reasons};
 
 use crate::fusion::compared::Compared;
 use crate::fusion::{Fusion, closing_location};
 use crate::shoulder::ring::Ring;
+
+/// Fewest values that are alike in two taps and not by chance: each has 64 bits, but a stuck sensor gives some of them again and again.
+const REPEATED_MIN: usize = 4;
 
 impl Fusion {
     /// The reasons that follow from the state of the scan and of its reference.
@@ -41,12 +44,19 @@ impl Fusion {
         if self.groups.reference(scan).iter().any(|&other| other != scan && self.lacks_features(other)) {
             reasons.insert(Reasons::REFERENCE_LACKS_FEATURES);
         }
-        if self.plan.geometry == Geometry::Ring && !(self.rings[scan].is_whole() && self.has_whole_turns(scan)) {
-            reasons.insert(Reasons::LOCATION_BLIND);
-        }
         let scans = self.plan.scans();
-        if self.plan.geometry == Geometry::Ring && scans.iter().filter(|of| of.tyre == scans[scan].tyre).count() == 1 {
-            reasons.insert(Reasons::ONE_SHOULDER);
+        if self.plan.geometry == Geometry::Ring {
+            let is_coarse = self.set.as_ref().is_some_and(|set| set.is_coarse(&scans[scan].locations));
+            if is_coarse || !(self.rings[scan].is_whole() && self.has_whole_turns(scan)) {
+                reasons.insert(Reasons::LOCATION_BLIND);
+            }
+            if scans.iter().filter(|of| of.tyre == scans[scan].tyre).count() == 1 {
+                let has_both = self.set.as_ref().is_some_and(|set| set.has_both_shoulders());
+                reasons.insert(if has_both { Reasons::SHOULDER_MISSING } else { Reasons::ONE_SHOULDER });
+            }
+        }
+        if self.has_repeated(scan) {
+            reasons.insert(Reasons::REPEATED);
         }
         if compared.is_force_off(scan) {
             reasons.insert(Reasons::FORCE_OFF);
@@ -59,6 +69,21 @@ impl Fusion {
             reasons.insert(Reasons::CONDITION_UNKNOWN);
         }
         reasons
+    }
+
+    /// Whether two taps of the casing of scan number `scan`, one of them of that scan, have the same values, and no fewer than
+    /// [`REPEATED_MIN`].
+    fn has_repeated(&self, scan: usize) -> bool {
+        let values_of = |row: u32| {
+            let values = &self.seen[row as usize].as_ref().filter(|seen| !seen.is_refused)?.values;
+            let bits = Discriminator::ALL.map(|which| values.get(which).map(f64::to_bits));
+            (bits.iter().flatten().count() >= REPEATED_MIN).then_some(bits)
+        };
+        let rows = |scan: usize| self.plan.scans()[scan].taps.iter().filter_map(move |&row| values_of(row));
+        let mut there = HashSet::new();
+        let others = self.groups.casing(scan).iter().copied().filter(|&other| other != scan);
+        there.extend(others.flat_map(rows));
+        rows(scan).any(|values| !there.insert(values))
     }
 
     /// Whether the first reading leaves no gap at the belt edge, where cracks begin, nor at another offset that it goes around: at

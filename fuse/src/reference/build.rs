@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use tapline_wire::Discriminator;
 
+use crate::arcs::limits::Limits;
 use crate::index::Setup;
 use crate::reference::file::{Origin, ReferenceSet};
 use crate::reference::fitted::FittedReference;
@@ -173,5 +174,7 @@ fn summed_up(config: &FuseConfig, pattern: &Pattern, shoulders: &[Shoulder], fit
         reject_rate: config.reject_rate,
         limit_re_inspect: fitted.limits.at(config.re_inspect_rate),
         limit_reject: fitted.limits.at(config.reject_rate),
+        limit_of_noise: (fitted.casing_count > 1)
+            .then(|| Limits::of_noise(fitted.casing_count, fitted.white).at(config.re_inspect_rate)),
     }
 }

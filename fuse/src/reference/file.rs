@@ -204,13 +204,33 @@ impl ReferenceSet {
     /// Refuses a plan whose rings have other locations than its own: arcs of equal count would differ in length. A plan may omit
     /// some locations.
     pub(crate) fn check_locations(&self, plan: &Plan) -> Result<(), Error> {
-        let Some(known) = self.largest_ring() else { return Ok(()) };
-        for scan in plan.scans().iter().filter(|_| plan.geometry == Geometry::Ring) {
+        let known = self.largest_ring();
+        if known.is_some() != (plan.geometry == Geometry::Ring) {
+            return Err(Error::OtherGeometry { planned: plan.geometry });
+        }
+        let Some(known) = known else { return Ok(()) };
+        for scan in plan.scans() {
             if !known.has_ring(&scan.locations) {
                 return Err(Error::OtherLocations { known: known.locations.len(), planned: scan.locations.len() });
             }
         }
         Ok(())
+    }
+
+    /// Whether a ring of the locations `located`, with their angles, leaves more between them than the reference's: there are fewer than
+    /// half as many, or fewer without angles, of which only the reference can say whether they go around.
+    pub(crate) fn is_coarse(&self, located: &[(u32, Option<f64>)]) -> bool {
+        let known_count = self.largest_ring().map_or(0, |known| known.locations.len());
+        let has_angles = located.iter().all(|(_, angle)| angle.is_some_and(f64::is_finite));
+        2 * located.len() < known_count || !has_angles && located.len() < known_count
+    }
+
+    /// Whether each of its casings has more than one shoulder.
+    pub(crate) fn has_both_shoulders(&self) -> bool {
+        let has_other = |of: &KnownShoulder| {
+            self.shoulders.iter().any(|other| other.tyre == of.tyre && other.shoulder != of.shoulder)
+        };
+        self.shoulders.iter().all(has_other)
     }
 
     /// Refuses own rings that are not parts of one ring.

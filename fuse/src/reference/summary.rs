@@ -31,6 +31,9 @@ pub struct Summary {
     pub limit_re_inspect: f64,
     /// Damage index from which it is rejected.
     pub limit_reject: f64,
+    /// What `limit_re_inspect` would be if the shoulders showed nothing but noise; `None` for fewer than two casings. A far higher one
+    /// means that many of them are cracked, or that they are very uneven.
+    pub limit_of_noise: Option<f64>,
 }
 
 /// Scale of one discriminator in one condition.

@@ -17,15 +17,28 @@ pub(crate) struct Ring {
 impl Ring {
     /// The ring or line of `locations`: indices ascending, each with its angle in degrees where known.
     ///
-    /// Two locations are neighbours if their indices are not further apart than usual in this ring. The
+    /// Two locations are neighbours if neither their indices nor, on a ring, their angles are further apart than usual in it. The
     /// angles, or else the closing tap, decide whether the ends of a ring are neighbours; without both they are.
     pub(crate) fn of(geometry: Geometry, locations: &[(u32, Option<f64>)], closing_location: Option<u32>) -> Self {
         let steps: Vec<f64> = locations.windows(2).map(|w| f64::from(w[1].0) - f64::from(w[0].0)).collect();
         let usual = median(&mut steps.clone()).unwrap_or(1.0);
         let mut is_linked: Vec<bool> = steps.iter().map(|&step| step <= STEP_SLACK * usual).collect();
-        if !locations.is_empty() {
-            is_linked.push(geometry == Geometry::Ring && closes(locations, closing_location, usual));
-        }
+        let (Some(&(first, _)), Some(&(last, _))) = (locations.first(), locations.last()) else {
+            return Self { is_linked };
+        };
+        let is_closed = match turns(locations).filter(|_| geometry == Geometry::Ring) {
+            Some(turns) => {
+                let usual = median(&mut turns.clone()).unwrap_or(f64::NAN);
+                let is_near = turns.iter().map(|&turn| turn <= STEP_SLACK * usual);
+                is_linked.iter_mut().zip(is_near).for_each(|(is_linked, is_near)| *is_linked &= is_near);
+                turns.last().is_some_and(|&seam| seam <= STEP_SLACK * usual)
+            }
+            // The closing tap carries the number of the ring's locations.
+            None => closing_location.is_none_or(|count| {
+                count <= last || f64::from(count) + f64::from(first) - f64::from(last) <= STEP_SLACK * usual
+            }),
+        };
+        is_linked.push(geometry == Geometry::Ring && locations.len() > 2 && is_closed);
         Self { is_linked }
     }
 
@@ -111,28 +124,16 @@ impl Ring {
     }
 }
 
-/// Whether the last location of a ring lies beside the first.
-fn closes(locations: &[(u32, Option<f64>)], closing_location: Option<u32>, usual_step: f64) -> bool {
-    let (Some(&(first, _)), Some(&(last, _)), true) = (locations.first(), locations.last(), locations.len() > 2) else {
-        return false;
-    };
-    let angles: Option<Vec<f64>> = locations.iter().map(|&(_, angle)| angle.filter(|a| a.is_finite())).collect();
-    if let Some(angles) = angles {
-        let turn = |from: f64, to: f64| (to - from).rem_euclid(360.0);
-        let mut turns: Vec<f64> = angles.windows(2).map(|w| turn(w[0], w[1])).collect();
-        let seam = turn(angles[angles.len() - 1], angles[0]);
-        // A ring may be numbered against its angles: every turn is then 360 less a step.
-        let is_backwards = median(&mut turns.clone()).is_some_and(|t| t > 180.0);
-        let forwards = |t: f64| if is_backwards { 360.0 - t } else { t };
-        for t in &mut turns {
-            *t = forwards(*t);
-        }
-        return median(&mut turns).is_some_and(|usual| forwards(seam) <= STEP_SLACK * usual);
-    }
-    // The closing tap carries the number of the ring's locations.
-    closing_location.is_none_or(|count| {
-        count <= last || f64::from(count) + f64::from(first) - f64::from(last) <= STEP_SLACK * usual_step
-    })
+/// The angle in degrees from each location of a ring to the next, and from the last to the first, the way that they are numbered; `None`
+/// unless all angles are known.
+fn turns(locations: &[(u32, Option<f64>)]) -> Option<Vec<f64>> {
+    let angles: Vec<f64> =
+        locations.iter().map(|&(_, angle)| angle.filter(|a| a.is_finite())).collect::<Option<_>>()?;
+    let next = angles.iter().cycle().skip(1);
+    let turns: Vec<f64> = angles.iter().zip(next).map(|(from, to)| (to - from).rem_euclid(360.0)).collect();
+    // A ring may be numbered against its angles: every turn is then 360 less a step.
+    let is_backwards = median(&mut turns.clone()).is_some_and(|turn| turn > 180.0);
+    Some(turns.into_iter().map(|turn| if is_backwards { 360.0 - turn } else { turn }).collect())
 }
 
 #[cfg(test)]
@@ -175,6 +176,11 @@ mod tests {
         let locations: Vec<_> = [0, 2, 4, 8, 10].map(|l| (l, None)).to_vec();
         let line = Ring::of(Geometry::Line, &locations, None);
         assert_eq!(line.is_linked, [true, true, false, true, false]);
+        // Numbers that run on where the angles do not.
+        let at = |angles: [f64; 5]| Ring::of(Geometry::Ring, &(0..).zip(angles.map(Some)).collect::<Vec<_>>(), None);
+        assert_eq!(at([0.0, 60.0, 180.0, 240.0, 300.0]).is_linked, [true, false, true, true, true]);
+        assert_eq!(at([300.0, 240.0, 180.0, 60.0, 0.0]).is_linked, [true, true, false, true, true]);
+        assert!(at([350.0, 62.0, 134.0, 206.0, 278.0]).is_whole());
     }
 
     /// The obvious way: look at every pair of places.

@@ -120,7 +120,8 @@ impl Supervisor<'_> {
                 if was_open {
                     let of = |casing: &super::Open| casing.header.station == u32::from(verdict.station);
                     let is_busy = self.open.iter().any(of);
-                    self.audience.wires.iter().for_each(|wires| wires.now.judged(&verdict, is_busy));
+                    let is_removed = self.station(verdict.station).is_some_and(|station| station.is_removed);
+                    self.audience.wires.iter().for_each(|wires| wires.now.judged(&verdict, is_busy, is_removed));
                 }
                 if self.is_list {
                     self.print(&verdict);
@@ -199,7 +200,8 @@ impl Supervisor<'_> {
         };
         if let Some(station) = self.station(verdict.station) {
             station.tally.add(verdict, last.retaken);
-            (station.last, station.is_removed, station.refused) = (Some(last), false, None);
+            // It may have been removed before its verdict.
+            (station.last, station.refused) = (Some(last), None);
             station.whole = Whole::median(verdict.shoulders.iter().map(|shoulder| &shoulder.whole));
             (station.calibrated_on, station.calibration_ends, station.is_calibration_out_of_date) = calibration(reader);
         }

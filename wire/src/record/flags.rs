@@ -124,9 +124,13 @@ flags! {
         NOT_COMPARABLE = 21, "not_comparable":
             "The reference was tapped at other places, or recorded or analysed differently: this casing could not be compared with it.";
         ONE_SHOULDER = 22, "one_shoulder":
-            "The other shoulder of the casing was not tapped: damage there would not show.";
+            "Only one shoulder of the casing was tapped: damage in another one would not show.";
         SCATTER_OFF = 23, "scatter_off":
             "Its places differ from one another more than those of the reference: more noise, or another kind of casing.";
+        SHOULDER_MISSING = 24, "shoulder_missing":
+            "Only one shoulder of the casing was tapped, and each casing of the reference has two: damage in the other would not show.";
+        REPEATED = 25, "repeated":
+            "Two taps of the casing have the same values to the last digit: one recording is there twice, and another one lacks.";
     }
 }
 

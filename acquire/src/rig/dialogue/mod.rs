@@ -43,8 +43,8 @@ pub(crate) struct Dialogue {
     stream: Option<Stream>,
     /// Name of the rig, once it has said hello on this connection.
     rig_name: Option<String>,
-    /// Why the rig is stopped, by its emergency stop for example.
-    stopped: Option<String>,
+    /// Why the rig is stopped, by its emergency stop for example, and since when.
+    stopped: Option<(String, Instant)>,
     /// Whether the rig knows its position, as far as it can; if not, it must home before it moves.
     is_homed: bool,
     /// Why there is no connection.
@@ -198,25 +198,25 @@ impl Dialogue {
     /// Forgets what the rig said and the commands that it got: it starts again.
     pub(super) fn forget_rig(&mut self) {
         self.rig_name = None;
-        self.end_stop();
+        let since = self.end_stop();
         self.is_homed = false;
         self.count_unanswered();
         self.loaded = None;
         self.unexpected = Counter::default();
         self.last_end.begin_connection();
         if let Some(current) = &mut self.current {
-            self.away_since.get_or_insert_with(Instant::now);
+            self.away_since.get_or_insert_with(|| since.unwrap_or_else(Instant::now));
             if !matches!(current.step, Step::Hit(..)) {
                 current.step = Step::Idle;
             }
         }
     }
 
-    /// Notes that the rig is no longer stopped.
-    fn end_stop(&mut self) {
-        if let Some(why) = self.stopped.take() {
-            self.alarm(format!("{OVER}{}", stopped(&why)));
-        }
+    /// Notes that the rig is no longer stopped; since when it was.
+    fn end_stop(&mut self) -> Option<Instant> {
+        let (why, since) = self.stopped.take()?;
+        self.alarm(format!("{OVER}{}", stopped(&why)));
+        Some(since)
     }
 
     /// Notes that a rig that was away makes taps again.
@@ -343,6 +343,16 @@ impl Dialogue {
             tracing::error!("station {}: {text}", self.config.station);
             self.report(RecordKind::Refusal, text);
         }
+    }
+
+    /// Ends the scan of the current casing, which stays on the rig, if a tap of it was made before: it may have been turned since.
+    fn give_up_if_turned(&mut self, why: &str) {
+        let Some(current) = self.current.as_ref().filter(|current| current.hit_sent.is_some()) else { return };
+        let (serial, removal) = (current.serial.clone(), Arc::clone(&current.removal));
+        let why = format!("{why}: the casing may have been turned");
+        tracing::warn!("station {}: casing {serial}: {why}", self.config.station);
+        self.alarm(format!("casing {serial}: {why}"));
+        removal.get_or_init(|| why);
     }
 
     /// Ends the current casing before its last tap, if there is one.

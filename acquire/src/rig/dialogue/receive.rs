@@ -95,9 +95,10 @@ impl Dialogue {
             RigMessage::Stopped(why) => {
                 let RigConfig { station, address, .. } = &self.config;
                 tracing::warn!("station {station}: the rig at {address} is stopped: {why}");
-                if self.stopped.as_ref() != Some(&why) {
+                let mut since = now;
+                if self.stopped.as_ref().is_none_or(|(before, _)| *before != why) {
                     self.count_change(now)?;
-                    self.end_stop();
+                    since = self.end_stop().unwrap_or(now);
                     self.alarm(stopped(&why));
                 }
                 // The pending command was not done: it is sent again when the rig continues.
@@ -108,13 +109,16 @@ impl Dialogue {
                 }
                 // The person who freed it may have turned it.
                 self.is_homed = false;
-                self.stopped = Some(why);
+                self.stopped.get_or_insert((why, since));
                 Ok(true)
             }
             RigMessage::Running => {
                 let RigConfig { station, address, .. } = &self.config;
                 tracing::warn!("station {station}: the rig at {address} continues");
-                self.end_stop();
+                let patience = self.config.patience;
+                if self.end_stop().is_some_and(|since| since.elapsed() >= patience) {
+                    self.give_up_if_turned(&format!("the rig was stopped for more than {} s", patience.as_secs_f64()));
+                }
                 Ok(true)
             }
             RigMessage::Pong => self.answered(Command::Ping, line).map(|_| true),
@@ -125,7 +129,10 @@ impl Dialogue {
                 if let Some(pending) = self.pending.take_if(|pending| pending.command != Command::Ping) {
                     self.unanswered.take_if(|(text, _)| *text == pending.text);
                     // It has no home. A rig that cannot find its home says that it is stopped, or refuses to move.
-                    self.is_homed |= pending.command == Command::Home;
+                    if pending.command == Command::Home {
+                        self.is_homed = true;
+                        self.give_up_if_turned("the rig was stopped or away, and has no home to find");
+                    }
                     self.advance(pending.casing, |tap| Step::Failed(tap, why));
                 }
                 Ok(true)

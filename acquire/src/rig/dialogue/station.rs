@@ -118,7 +118,7 @@ impl Dialogue {
 
     /// Why the rig is stopped, as it says; `None` while it is not.
     pub(crate) fn stopped(&self) -> Option<String> {
-        self.stopped.clone().filter(|_| self.rig_name.is_some())
+        self.stopped.as_ref().filter(|_| self.rig_name.is_some()).map(|(why, _)| why.clone())
     }
 
     /// What the station is waiting for, as text for people.
@@ -130,7 +130,7 @@ impl Dialogue {
                 let fault = self.fault.as_ref().map_or_else(String::new, |fault| format!(": {fault}"));
                 format!("the rig at {address}{fault}")
             }
-            (Some(name), ..) if let Some(why) = &self.stopped => {
+            (Some(name), ..) if let Some((why, _)) = &self.stopped => {
                 format!("the rig {name:?} at {address} to continue: it is stopped ({why})")
             }
             (Some(name), Some(_), Some(pending)) => {

@@ -1,7 +1,7 @@
 //! Reasons that the plan itself gives: a condition that the reference lacks, a part of the ring that is not tapped.
 
 use super::*;
-use crate::testing::{file, set_of, shoulders_of};
+use crate::testing::{file, set_of, shoulders_of, shoulders_of_all};
 
 /// The reference that a casing of seed 1 makes.
 fn reference_of(casing: &Casing) -> Arc<ReferenceSet> {
@@ -157,4 +157,67 @@ fn a_casing_of_one_shoulder_is_remarked_on() {
     };
     assert!(is_remarked(1, Geometry::Ring));
     assert!(!is_remarked(2, Geometry::Ring) && !is_remarked(1, Geometry::Line));
+}
+
+#[test]
+fn a_part_of_the_reference_ring_is_no_pass() {
+    // Catches a ring without angles that was cut short, or a coarse one, in which a crack has no place; and a whole ring, or every second
+    // location with its angle, that is held up.
+    let casing = Casing { shoulder_count: 2, ..Casing::default() };
+    let set = Arc::new(set_of(shoulders_of_all(&casing, 6)));
+    let (plan, all) = (casing.plan(), records(&casing, &casing.plan(), 3));
+    let is_blind = |has_angles: bool, is_tapped: &dyn Fn(u32) -> bool| {
+        let (plan, left) = without(&plan, &all, |id| is_tapped(id.location));
+        let angle = |tap: &PlannedTap| tap.angle_deg.filter(|_| has_angles);
+        let taps = plan.taps().iter().map(|tap| PlannedTap { angle_deg: angle(tap), ..*tap }).collect();
+        let plan = Plan::new(Geometry::Ring, recording(), taps, Truth::new()).unwrap();
+        whole_by(&file(), &plan, Some(&set), &left).judge(0).unwrap().0.reasons.contains(Reasons::LOCATION_BLIND)
+    };
+    assert!(!is_blind(true, &|_| true) && !is_blind(false, &|_| true));
+    assert!(is_blind(false, &|location| location < 60) && is_blind(false, &|location| location.is_multiple_of(2)));
+    assert!(!is_blind(true, &|location| location.is_multiple_of(2)));
+    assert!(is_blind(true, &|location| location < 100 && location.is_multiple_of(3)));
+    // Rings and lines have nothing in common.
+    let line = Plan::new(Geometry::Line, recording(), plan.taps().to_vec(), Truth::new()).unwrap();
+    let error = Fusion::by(&file(), &line, Some(set)).unwrap_err();
+    assert_eq!(error, Error::OtherGeometry { planned: Geometry::Line });
+}
+
+#[test]
+fn a_shoulder_that_was_forgotten_is_no_pass() {
+    // Catches one shoulder of two that passes for both, where the reference's casings have two; and a rig that always taps one.
+    let of = |in_reference: u16, shoulder_count: u16| {
+        let casing = |shoulder_count: u16| Casing { shoulder_count, ..Casing::default() };
+        let set = Arc::new(set_of(shoulders_of_all(&casing(in_reference), 6)));
+        let (casing, one) = (casing(shoulder_count), Reasons::ONE_SHOULDER | Reasons::SHOULDER_MISSING);
+        let judgement =
+            whole_by(&file(), &casing.plan(), Some(&set), &records(&casing, &casing.plan(), 3)).judge(0).unwrap().0;
+        (verdict(&judgement), judgement.reasons.intersection(one))
+    };
+    assert_eq!(of(2, 1), (Verdict::ReInspect, Reasons::SHOULDER_MISSING));
+    assert_eq!(of(1, 1), (Verdict::Pass, Reasons::ONE_SHOULDER));
+    assert_eq!(of(2, 2), (Verdict::Pass, Reasons::default()));
+}
+
+#[test]
+fn a_recording_that_is_there_twice_is_no_pass() {
+    // Catches the recording of one place that stands for another, on the same shoulder or the other; a second record of one tap that
+    // counts for two; and values that are alike because a sensor is stuck.
+    let casing = Casing { shoulder_count: 2, ..Casing::default() };
+    let (plan, all) = (casing.plan(), records(&casing, &casing.plan(), 3));
+    let of = |from: usize, to: usize, discriminators: &[Discriminator]| {
+        let mut all = all.clone();
+        for &which in discriminators {
+            let value = all[from].values.get(which);
+            all[to].values.set(which, value);
+        }
+        let mut fusion = whole(&FuseConfig::by(Reference::Own), &plan, &all);
+        fusion.push(&all[0]).unwrap();
+        [0, 1].map(|scan| fusion.judge(scan).unwrap().0.reasons.contains(Reasons::REPEATED))
+    };
+    let (first, other) = (plan.scans()[0].taps[5] as usize, plan.scans()[1].taps[7] as usize);
+    assert_eq!(of(first, first, &Discriminator::ALL), [false, false]);
+    assert_eq!(of(first, first + 1, &Discriminator::ALL), [true, false]);
+    assert_eq!(of(first, other, &Discriminator::ALL), [true, true]);
+    assert_eq!(of(first, other, &Discriminator::ALL[..3]), [false, false]);
 }

@@ -91,18 +91,28 @@ fn what_cannot_pass_or_has_no_offset_is_not_tapped_again() {
 #[test]
 fn what_the_second_reading_does_not_show_is_cleared() {
     // Catches a first reading that condemns alone, and a second one that makes a crack of nothing.
+    let [called, cleared, rejected] = second_readings_of_spoilt_ones(0.02);
+    // The places scatter too: some stand out by themselves.
+    assert!(cleared >= 10 && rejected <= 3, "{cleared} cleared and {rejected} rejected of {called}");
+    // As cracked as strong cracks are. Catches a casing that has slipped between the readings, and passes.
+    let [called, cleared, rejected] = second_readings_of_spoilt_ones(0.04);
+    assert!(called == 20 && cleared == 0 && rejected <= 3, "{cleared} cleared and {rejected} rejected of {called}");
+}
+
+/// Of 20 sound casings, four of whose neighbouring places differ by `part` in the first reading alone: how many do not pass by that, and of
+/// these, how many pass, and how many are rejected, by both readings.
+fn second_readings_of_spoilt_ones(part: f64) -> [usize; 3] {
     let casing = scanned_once(Vec::new());
     let plan = casing.plan();
-    let (mut cleared, mut rejected) = (0, 0);
+    let (mut called, mut cleared, mut rejected) = (0, 0, 0);
     for seed in 0..20 {
         let spoilt = |plan: &Plan| {
             let mut all = records(&casing, plan, seed);
-            // As cracked as strong cracks are, but in the first reading alone.
             let is_spoilt = |tap: &PlannedTap| (60..64).contains(&tap.id.location) && !tap.is_second_reading();
             for (record, _) in all.iter_mut().zip(plan.taps()).filter(|(_, tap)| is_spoilt(tap)) {
                 for which in Discriminator::ALL {
                     let sign = if which == Discriminator::FMax { -1.0 } else { 1.0 };
-                    let value = record.values.get(which).map(|value| value * (1.0 + 0.025 * sign));
+                    let value = record.values.get(which).map(|value| value * (1.0 + part * sign));
                     record.values.set(which, value);
                 }
             }
@@ -110,14 +120,16 @@ fn what_the_second_reading_does_not_show_is_cleared() {
         };
         let config = FuseConfig::by(Reference::Own);
         let alone = whole(&config, &plan, &spoilt(&plan)).judge(0).unwrap().0;
-        assert_ne!(verdict(&alone), Verdict::Pass);
+        if verdict(&alone) == Verdict::Pass {
+            continue;
+        }
+        called += 1;
         let grown = plan.grown(&wanted(&plan, &spoilt(&plan))).unwrap();
         let both = whole(&config, &grown, &spoilt(&grown)).judge(0).unwrap().0;
         cleared += usize::from(verdict(&both) == Verdict::Pass);
         rejected += usize::from(verdict(&both) == Verdict::Reject);
     }
-    // The places scatter too: some stand out by themselves.
-    assert!(cleared >= 10 && rejected <= 3, "{cleared} cleared and {rejected} rejected of 20");
+    [called, cleared, rejected]
 }
 
 #[test]
