@@ -8,10 +8,12 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, Result, ensure};
 use ballista_core::config::TaskSchedulingPolicy;
+use ballista_core::registry::BallistaFunctionRegistry;
 use ballista_executor::executor_process::{ExecutorProcessConfig, start_executor_process};
 use ballista_scheduler::cluster::BallistaCluster;
 use ballista_scheduler::config::SchedulerConfig;
 use ballista_scheduler::scheduler_process::start_server;
+use datafusion::execution::SessionStateBuilder;
 use tapline_host::messages::print_line;
 
 use crate::engine::{Engine, config};
@@ -137,6 +139,7 @@ impl Executor {
             task_scheduling_policy: TaskSchedulingPolicy::PullStaged,
             work_dir: Some(folder.path().display().to_string()),
             executor_heartbeat_interval_seconds: HEARTBEAT_S,
+            override_function_registry: Some(Arc::new(functions())),
             override_config_producer: Some(Arc::new(config)),
             override_logical_codec: Some(Arc::new(LogicalCodec::default())),
             override_physical_codec: Some(Arc::new(PhysicalCodec::default())),
@@ -147,6 +150,11 @@ impl Executor {
             .await
             .with_context(|| format!("the executor at {address} for {engine} failed"))
     }
+}
+
+/// All functions that a question on this host can use: Ballista's own choice lacks those of lists, such as `string_to_array`.
+fn functions() -> BallistaFunctionRegistry {
+    (&SessionStateBuilder::new().with_default_features().build()).into()
 }
 
 /// Ballista has no passwords: whoever reaches a port can run queries, and read and write files as this user.

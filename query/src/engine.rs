@@ -15,6 +15,15 @@ use crate::plan::codec::{LogicalCodec, PhysicalCodec};
 /// Most partitions between the stages of a plan.
 const SHUFFLE_PARTITIONS: usize = 4;
 
+/// Files per task, unless another number is given.
+const FILES_PER_TASK: usize = 8;
+
+/// Tasks of a job per core of this host: few, because each learns the reference, and more than one, because they differ in length.
+const TASKS_PER_CORE: usize = 2;
+
+/// Most archives of a task of a job, so that its command line is not too long.
+const ARCHIVES_MAX: usize = 256;
+
 /// Where plans run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Engine {
@@ -38,9 +47,27 @@ pub struct ArchiveArgs {
     /// Where the work is done: local, or cluster://HOST:PORT.
     #[arg(long, default_value = "local")]
     pub engine: Engine,
-    /// Files per task; a cluster needs about 50 ms more for each task.
-    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..))]
-    pub files_per_task: u16,
+    /// Files per task; if left out, 8, but more for `reprocess` on this host. A cluster needs about 50 ms more for each task.
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
+    pub files_per_task: Option<u16>,
+}
+
+impl ArchiveArgs {
+    /// Files per task of a question.
+    pub(crate) fn files_per_task(&self) -> usize {
+        self.files_per_task.map_or(FILES_PER_TASK, usize::from)
+    }
+
+    /// Files per task of a job over `count` archives.
+    pub(crate) fn files_per_job_task(&self, count: usize) -> usize {
+        match (self.files_per_task, &self.engine) {
+            (None, Engine::Local) => {
+                let cores = std::thread::available_parallelism().map_or(1, usize::from);
+                count.div_ceil(TASKS_PER_CORE * cores).clamp(1, ARCHIVES_MAX)
+            }
+            _ => self.files_per_task(),
+        }
+    }
 }
 
 impl FromStr for Engine {
@@ -71,16 +98,17 @@ impl fmt::Display for Engine {
 }
 
 impl Engine {
-    /// A context whose plans run there. Register tables and functions after this: connecting replaces earlier ones.
+    /// A context whose plans run there, in which the path of a file between quotes is a table. Register tables and functions after this: connecting replaces earlier ones.
     ///
     /// # Errors
     /// An address that cannot be one.
     pub async fn connect(&self) -> Result<SessionContext> {
         let state = SessionStateBuilder::new().with_default_features().with_config(config()).build();
         match self {
-            Self::Local => Ok(SessionContext::new_with_state(state)),
+            Self::Local => Ok(SessionContext::new_with_state(state).enable_url_table()),
             Self::Cluster { host, port } => SessionContext::remote_with_state(&format!("df://{host}:{port}"), state)
                 .await
+                .map(SessionContext::enable_url_table)
                 .with_context(|| format!("cannot use {self}")),
         }
     }

@@ -5,13 +5,18 @@ use std::process::ExitCode;
 
 use anyhow::{Context as _, Result};
 use clap::{Parser, Subcommand};
-use tapline_host::messages::{print_failure, print_line};
+use tapline_host::arguments::{LogArgs, LogFormat};
+use tapline_host::log;
+use tapline_host::messages::{print_failure, print_line, say};
 use tapline_host::stdout::{self, Stdout};
 use tapline_query::Place;
 use tapline_query::cluster::{Executor, Scheduler};
 use tapline_query::copy::Copied;
 use tapline_query::reprocess::{self, Order};
 use tapline_query::sql::{self, Question};
+
+/// Exit code for arguments and variables that cannot be understood.
+const WRONG_USAGE: u8 = 2;
 
 /// Exit code where something was left out.
 const INCOMPLETE: u8 = 3;
@@ -25,6 +30,9 @@ const NAMED_MAX: usize = 20;
 struct Cli {
     #[command(subcommand)]
     verb: Verb,
+    /// Print only errors on standard error: no progress, no remarks.
+    #[arg(short, long, global = true)]
+    quiet: bool,
 }
 
 #[derive(Debug, Subcommand)]
@@ -46,6 +54,10 @@ enum Verb {
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
+    if let Err(fault) = log::start(LogArgs { log: LogFormat::Text, verbose: 0, quiet: cli.quiet }, None) {
+        print_failure("tapline-query", anyhow::Error::msg(fault).as_ref());
+        return ExitCode::from(WRONG_USAGE);
+    }
     let runtime = match tokio::runtime::Builder::new_multi_thread().enable_all().build() {
         Ok(runtime) => runtime,
         Err(error) => {
@@ -69,7 +81,7 @@ fn main() -> ExitCode {
 /// Whether all was done.
 async fn dispatch(verb: Verb) -> Result<bool> {
     match verb {
-        Verb::Sql(question) => sql::answer(&question, &mut Stdout).await.map(|()| true),
+        Verb::Sql(question) => sql::answer(&question, &mut Stdout).await,
         Verb::Reprocess(order) => reprocess(&order).await,
         Verb::Copy { places, to } => copy(&places, &to).await,
         Verb::Scheduler(scheduler) => scheduler.run().await.map(|()| true),
@@ -83,9 +95,7 @@ async fn copy(places: &[Place], to: &Place) -> Result<bool> {
         print_line(&format!("tapline-query: {file}: {why}"));
     }
     let (count, failed) = (copied + there + failed.len(), failed.len());
-    print_line(&format!(
-        "tapline-query: {copied} of {count} archives copied to {to}, {there} were there, {failed} failed"
-    ));
+    say(&format!("tapline-query: {copied} of {count} archives copied to {to}, {there} were there, {failed} failed"));
     Ok(failed == 0)
 }
 
@@ -99,7 +109,7 @@ async fn reprocess(order: &Order) -> Result<bool> {
     }
     let incomplete = rows.iter().filter(|row| row.is_complete == Some(false)).count();
     let how = if done.was_there { "was committed before" } else { "is committed" };
-    print_line(&format!(
+    say(&format!(
         "tapline-query: the job {how}: {} of {} archives judged again, {incomplete} of them with taps or shoulders left out",
         rows.len() - failed.len(),
         rows.len()

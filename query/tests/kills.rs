@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Stdio;
 
+use tapline_testing::program::Done;
 use tapline_testing::waiting::until;
 
 use crate::cluster::{Cluster, Process};
@@ -68,16 +69,18 @@ fn a_job_survives_executors_that_are_killed_or_do_not_answer() {
     assert!(contents(&sandbox.only_job("stopped")) == expected);
 }
 
-/// Catches an executor that is taken for lost while it works on one archive for a long time.
+/// Catches an executor that is taken for lost while it works on one archive for a long time, and a job of which nothing is heard.
 #[test]
 fn an_archive_may_take_longer_than_a_silent_executor_is_waited_for() {
     let Some(sandbox) = Sandbox::new() else { return };
     fs::create_dir(sandbox.path("one")).unwrap();
     std::os::unix::fs::symlink(sandbox.path("in/1/SIM-0001.h5"), sandbox.path("one/SIM-0001.h5")).unwrap();
-    let counted = sandbox.counting_tapline(9);
+    // Progress is printed every ten seconds.
+    let counted = sandbox.counting_tapline(12);
     let cluster = Cluster::start(&sandbox, &counted);
     let mut command = sandbox.command(&["reprocess", "one", "--out", "out", "--engine", &cluster.engine]);
-    assert!(command.env("TAPLINE", &counted).output().unwrap().status.success());
+    let done = Done::from(command.env("TAPLINE", &counted).output().unwrap()).expect(0);
+    assert!(done.err.contains("0 of 1 archives"), "{}", done.err);
     assert_eq!(fs::read_to_string(sandbox.path("runs")).unwrap(), "run\n");
 }
 

@@ -224,7 +224,8 @@ fn what_cannot_be_had_of_a_bucket_is_said() {
 #[test]
 fn an_archive_that_is_replaced_meanwhile_ends_its_job() {
     let Some((sandbox, bucket)) = prepared() else { return };
-    let slow = sandbox.slow_tapline(0.5);
+    // Four are fetched at a time, and this one with the last.
+    let slow = sandbox.slow_tapline(2.0);
     let mut command = sandbox.command(&["reprocess", ARCHIVES, "--out", "s3://plant/again", "--files-per-task", "11"]);
     let errors = fs::File::create(sandbox.path("errors")).unwrap();
     let mut job = Process::start(command.env("TAPLINE", &slow).stdout(Stdio::null()).stderr(errors));

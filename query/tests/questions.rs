@@ -9,7 +9,7 @@ use crate::cluster::Cluster;
 use crate::sandbox::{CASINGS, Sandbox, TRUNCATED, tapline};
 
 /// Every shape of a plan. Sums of fractions are taken within a file, whose rows are never shared out.
-const QUESTIONS: [&str; 14] = [
+const QUESTIONS: [&str; 15] = [
     "SELECT * FROM verdicts",
     "SELECT * FROM taps",
     "SELECT * FROM discriminators",
@@ -21,6 +21,7 @@ const QUESTIONS: [&str; 14] = [
     "SELECT verdict, count(*) FROM verdicts WHERE status = 'ok' GROUP BY verdict HAVING count(*) > 0",
     "SELECT d.file, d.location, d.pr, v.verdict FROM discriminators d JOIN verdicts v ON d.file = v.file AND d.shoulder = v.shoulder",
     "SELECT v.file, x.worst FROM verdicts v LEFT JOIN (SELECT file, max(damage_index) AS worst FROM damage GROUP BY file) x ON v.file = x.file",
+    "SELECT substr(first_tap_utc, 1, 7) AS month, reason, count(*) FROM (SELECT first_tap_utc, unnest(string_to_array(reasons, '|')) AS reason FROM verdicts WHERE status = 'ok') GROUP BY month, reason",
     "SELECT tyre FROM taps UNION ALL SELECT tyre FROM damage",
     "SELECT file FROM verdicts UNION SELECT file FROM damage",
     "SELECT file, damage_index, row_number() OVER (PARTITION BY file ORDER BY damage_index DESC, shoulder, location) AS place FROM damage ORDER BY damage_index DESC, file, shoulder, location LIMIT 7",
@@ -50,7 +51,12 @@ fn copies_are_the_same(sandbox: &Sandbox, cluster: &Cluster) {
         let sql =
             format!("COPY (SELECT * FROM discriminators WHERE location > 3) TO '{}/' STORED AS PARQUET", out.display());
         let rows = sandbox.ask(&sql, engine, &["--files-per-task", "3"]);
-        (rows, parquet_rows(&out))
+        // What was copied can be asked about too; no archive is read for it.
+        let sql = format!("SELECT count(*) FROM '{}/'", out.display());
+        let asked = sandbox.run(&["sql", &sql, "in", "--format", "csv", "--engine", engine]).expect(0);
+        let copied = parquet_rows(&out);
+        assert_eq!(asked.out.lines().last(), Some(&*copied.len().to_string()));
+        (rows, copied)
     });
     assert!(copies[0].1.len() > 100);
     assert_eq!(copies[0], copies[1]);
@@ -68,6 +74,34 @@ fn parquet_rows(folder: &Path) -> Vec<String> {
     let mut lines: Vec<_> = text.lines().filter(|line| line.contains(".h5")).map(str::to_owned).collect();
     lines.sort();
     lines
+}
+
+/// Catches results of several references that are put together without a word, and a word that was not wanted.
+#[test]
+fn results_that_were_not_made_alike_are_said() {
+    let Some(sandbox) = Sandbox::new() else { return };
+    for (archive, reference) in [("SIM-0001", "self"), ("SIM-0002", "SIM-0002/1")] {
+        let mut command = std::process::Command::new(tapline().unwrap());
+        command.args(["reprocess", "--quiet", "--reference", reference]);
+        assert!(command.arg(sandbox.path(&format!("in/1/{archive}.h5"))).output().unwrap().status.success());
+    }
+    let asked = |more: &[&str]| {
+        let arguments = ["sql", "SELECT count(*) FROM verdicts", "in", "--results"];
+        sandbox.run(&[&arguments[..], more].concat()).expect(0).err
+    };
+    let err = asked(&[]);
+    assert!(err.contains("in: the newest results were not all made alike: 1/SIM-0001."), "{err}");
+    assert_eq!(asked(&["-q"]), "");
+}
+
+/// Catches a formula from a tyre's name, a number that becomes a text, and a row of JSON in which a column is missing.
+#[test]
+fn rows_are_texts_for_spreadsheets_and_whole_for_programs() {
+    let Some(sandbox) = Sandbox::new() else { return };
+    let sql = "SELECT '=1+1' AS a, -5.5 AS b, arrow_cast(NULL, 'Float64') AS c";
+    let printed = |format: &str| sandbox.run(&["sql", sql, "in", "--format", format]).expect(0).out;
+    assert_eq!(printed("csv"), "a,b,c\n'=1+1,-5.5,\n");
+    assert_eq!(printed("json"), "{\"a\":\"=1+1\",\"b\":-5.5,\"c\":null}\n");
 }
 
 /// Catches a job that ends for one bad file, and a file that is left out without a word.
@@ -131,4 +165,11 @@ fn what_cannot_be_asked_is_said() {
         assert!(sandbox.path(target).exists());
         sandbox.run(&["sql", &format!("EXPLAIN COPY (SELECT 1) TO '{target}' STORED AS CSV"), "in"]).expect(0);
     }
+    // What is there already is only read.
+    let before = sandbox.names("new");
+    for statement in ["INSERT INTO 'new/' SELECT 2", "EXPLAIN ANALYZE INSERT INTO 'new/' SELECT 2"] {
+        let err = refusal(&["sql", statement, "in"]);
+        assert!(err.contains("tables are only read"), "{statement}: {err}");
+    }
+    assert_eq!(sandbox.names("new"), before);
 }

@@ -100,7 +100,8 @@ impl Sandbox {
         self.tapline_after(&format!("echo run >> '{}'\nsleep {sleep_s}", self.path("runs").display()))
     }
 
-    fn tapline_after(&self, first: &str) -> PathBuf {
+    /// Makes one that does `first` before, as the shell understands it.
+    pub(crate) fn tapline_after(&self, first: &str) -> PathBuf {
         let (path, real) = (self.path("tapline"), tapline().unwrap());
         fs::write(&path, format!("#!/bin/sh\n{first}\nexec '{}' \"$@\"\n", real.display())).unwrap();
         fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).unwrap();
@@ -126,10 +127,11 @@ impl Sandbox {
         self.ask_of("in", sql, engine, more)
     }
 
-    /// The same, of another place.
+    /// The same, of another place. The exit code tells whether an archive was cut off.
     pub(crate) fn ask_of(&self, place: &str, sql: &str, engine: &str, more: &[&str]) -> Vec<String> {
         let arguments = ["sql", sql, place, "--format", "csv", "--engine", engine];
-        let done = self.run(&[&arguments[..], more].concat()).expect(0);
+        let code = if self.path("in").join(TRUNCATED).exists() { 3 } else { 0 };
+        let done = self.run(&[&arguments[..], more].concat()).expect(code);
         let mut lines: Vec<_> = done.out.lines().map(str::to_owned).collect();
         lines[1..].sort();
         lines

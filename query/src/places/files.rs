@@ -8,7 +8,7 @@ use std::time::SystemTime;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use serde::{Deserialize, Serialize};
-use tapline_host::messages::print_line;
+use tapline_host::messages::say;
 use tapline_store::{Folder, LEFT_FOLDER, OPEN_FOLDER, archive_of};
 
 use super::objects::{self, Object};
@@ -75,22 +75,29 @@ fn end_of(path: &Path) -> std::io::Result<End> {
     Ok(End { bytes, last })
 }
 
-/// Finds the finished archives in `places`, in the order of their names; or, with `is_results`, of each the newest results.
+/// Finds the finished archives in `places`, in the order of their names; or, with `is_results`, of each the newest results. A file that
+/// is found twice, by a link or in places that overlap, has the name that comes first.
 ///
 /// # Errors
 /// A place that cannot be read or has no such file, two places of the same name, and a name that is not UTF-8.
 pub async fn find(places: &[Place], is_results: bool) -> Result<Vec<CasingFile>> {
     let mut labels = BTreeSet::new();
     let mut found = Vec::new();
+    let mut known = BTreeSet::new();
     for place in places {
         let inside = match place {
             Place::Folder(folder) => in_folder(folder, is_results)?,
             Place::Keys(keys) => in_keys(keys, is_results).await?,
         };
-        let label = if places.len() == 1 { String::new() } else { label(place)? };
-        ensure!(labels.insert(label.clone()), "two of the folders are called {label}: name one folder above them");
         let what = if is_results { "results of tapline reprocess" } else { "finished archive (NAME.h5)" };
         ensure!(!inside.is_empty(), "{place} has no {what}");
+        let is_new = |file: &CasingFile| known.insert(real_path(file));
+        let inside: Vec<_> = inside.into_iter().filter(is_new).collect();
+        if inside.is_empty() {
+            continue;
+        }
+        let label = if places.len() == 1 { String::new() } else { label(place)? };
+        ensure!(labels.insert(label.clone()), "two of the folders are called {label}: name one folder above them");
         let named = |file: CasingFile| match label.as_str() {
             "" => file,
             label => CasingFile { name: format!("{label}/{}", file.name), ..file },
@@ -99,6 +106,12 @@ pub async fn find(places: &[Place], is_results: bool) -> Result<Vec<CasingFile>>
     }
     found.sort();
     Ok(found)
+}
+
+/// The path of a file without links; an address as it is.
+fn real_path(file: &CasingFile) -> PathBuf {
+    let path = Path::new(&file.path);
+    path.canonicalize().unwrap_or_else(|_| path.to_owned())
 }
 
 /// The name that a place has among others.
@@ -116,8 +129,9 @@ fn in_folder(folder: &Path, is_results: bool) -> Result<Vec<CasingFile>> {
     let absolute = folder.canonicalize().with_context(|| format!("cannot read {}", folder.display()))?;
     ensure!(absolute.is_dir(), "{} is not a folder", folder.display());
     let sorted = Folder::list(&absolute)?.sorted();
-    if let Some(remark) = sorted.without_results(folder).filter(|_| is_results) {
-        print_line(&format!("tapline-query: {remark}"));
+    if is_results {
+        let remarks = [sorted.without_results(folder), sorted.mixed_results(&absolute)];
+        remarks.iter().flatten().for_each(|remark| say(&format!("tapline-query: {remark}")));
     }
     let chosen = if is_results { sorted.newest_results() } else { sorted.archives };
     let file = |path: PathBuf| {
@@ -270,6 +284,17 @@ mod tests {
         assert!(refusal.contains("two of the folders are called x"), "{refusal}");
         let refusal = found(&[at("empty")], false).unwrap_err().to_string();
         assert!(refusal.ends_with("empty has no finished archive (NAME.h5)"), "{refusal}");
+    }
+
+    /// Catches a casing that counts twice because folders overlap, one is named twice, or a link leads to it.
+    #[test]
+    fn a_file_that_is_found_twice_counts_once() {
+        let folder = made(&["plant/1/A.h5", "plant/2/B.h5"]);
+        let at = |name| folder.path().join(name);
+        std::os::unix::fs::symlink(at("plant/1/A.h5"), at("plant/2/C.h5")).unwrap();
+        let once = ["plant/1/A.h5", "plant/2/B.h5"];
+        assert_eq!(names(&[at("plant"), at("plant/2"), at("plant")], false), once);
+        assert_eq!(names(&[at("plant/2"), at("plant")], false), ["2/B.h5", "2/C.h5"]);
     }
 
     /// Catches results of a job that was killed before its commit, and a casing that counts twice.

@@ -13,6 +13,7 @@ use datafusion::physical_expr::{EquivalenceProperties, PhysicalExpr};
 use datafusion::physical_plan::execution_plan::{
     ChildrenPropertiesMode, EmissionType, ExecutionPlanProperties as _, ReplaceChildrenOptions,
 };
+use datafusion::physical_plan::metrics::{ExecutionPlanMetricsSet, MetricBuilder, MetricsSet};
 use datafusion::physical_plan::stream::RecordBatchReceiverStream;
 use datafusion::physical_plan::{DisplayAs, DisplayFormatType, ExecutionPlan, PlanProperties};
 use futures_util::StreamExt as _;
@@ -23,6 +24,9 @@ use crate::task::{Task, sql_name};
 
 /// Batches of rows that may wait for who reads them.
 const WAITING_MAX: usize = 2;
+
+/// The metric that counts the files whose row is an error. The scheduler of a cluster passes it on to the client.
+pub(super) const UNREAD: &str = "unread_files";
 
 /// How often to look whether work has ended.
 const SETTLE_EVERY: Duration = Duration::from_millis(20);
@@ -56,6 +60,7 @@ pub(crate) struct FilesExec {
     pub(crate) projection: Option<Vec<usize>>,
     input: Arc<dyn ExecutionPlan>,
     properties: Arc<PlanProperties>,
+    metrics: ExecutionPlanMetricsSet,
 }
 
 impl FilesExec {
@@ -71,7 +76,7 @@ impl FilesExec {
             EmissionType::Incremental,
             input.boundedness(),
         );
-        Ok(Self { task, projection, input, properties: Arc::new(properties) })
+        Ok(Self { task, projection, input, properties: Arc::new(properties), metrics: ExecutionPlanMetricsSet::new() })
     }
 }
 
@@ -129,10 +134,18 @@ impl ExecutionPlan for FilesExec {
         let (task, projection) = (self.task.clone(), self.projection.clone());
         let mut builder = RecordBatchReceiverStream::builder(self.schema(), WAITING_MAX);
         let send = builder.tx();
+        let unread = MetricBuilder::new(&self.metrics).counter(UNREAD, partition);
         builder.spawn(async move {
             while let Some(batch) = input.next().await {
-                for file in files(&batch?)? {
-                    for rows in of_file(task.clone(), projection.clone(), file).await? {
+                let files = files(&batch?)?;
+                for files in files.chunks(task.files_at_a_time()) {
+                    let all = of_files(&task, files).await?;
+                    unread.add(all.iter().filter(|rows| is_error(rows)).count());
+                    for rows in all {
+                        let rows = match &projection {
+                            None => rows,
+                            Some(columns) => rows.project(columns)?,
+                        };
                         if send.send(Ok(rows)).await.is_err() {
                             // The reader wants no more.
                             return Ok(());
@@ -148,6 +161,15 @@ impl ExecutionPlan for FilesExec {
     fn schema(&self) -> SchemaRef {
         Arc::clone(self.properties.eq_properties.schema())
     }
+
+    fn metrics(&self) -> Option<MetricsSet> {
+        Some(self.metrics.clone_inner())
+    }
+}
+
+/// Whether all columns of the task are there, and the last one, `error`, says why there is nothing else.
+fn is_error(rows: &RecordBatch) -> bool {
+    rows.columns().last().is_some_and(|error| error.null_count() < rows.num_rows())
 }
 
 /// The files that a batch names.
@@ -159,20 +181,17 @@ fn files(batch: &RecordBatch) -> Result<Vec<CasingFile>> {
     column.iter().flatten().map(file).collect()
 }
 
-/// The rows of one file, on a thread that may wait for the disk and for the HDF5 library.
-async fn of_file(task: Task, projection: Option<Vec<usize>>, file: CasingFile) -> Result<Vec<RecordBatch>> {
+/// The rows of `files`, on a thread that may wait for the disk and for the HDF5 library.
+async fn of_files(task: &Task, files: &[CasingFile]) -> Result<Vec<RecordBatch>> {
     let permit = workers().1.acquire().await.map_err(|error| DataFusionError::External(Box::new(error)))?;
-    let path = file.path.clone();
+    let first = files.first().map(|file| file.path.clone()).unwrap_or_default();
+    let (task, files) = (task.clone(), files.to_vec());
     let work = move || {
         let _permit = permit;
-        task.run(&file)
+        task.run(&files)
     };
-    let rows = match tokio::task::spawn_blocking(work).await {
-        Ok(rows) => rows.map_err(|error| DataFusionError::Execution(format!("{error:#}")))?,
-        Err(error) => return Err(DataFusionError::Execution(format!("work on {path} did not end: {error}"))),
-    };
-    match projection {
-        None => Ok(rows),
-        Some(columns) => rows.iter().map(|rows| Ok(rows.project(&columns)?)).collect(),
+    match tokio::task::spawn_blocking(work).await {
+        Ok(rows) => rows.map_err(|error| DataFusionError::Execution(format!("{error:#}"))),
+        Err(error) => Err(DataFusionError::Execution(format!("work on {first} did not end: {error}"))),
     }
 }

@@ -1,7 +1,12 @@
 //! A task as a plan of DataFusion: paths of files in memory, and above them the node that turns paths into rows.
+//!
+//! - `files_exec`: the node
+//! - `codec`: both as bytes, for a cluster
+//! - `unread`: whether a plan that was run could read every file
 
 pub(crate) mod codec;
 mod files_exec;
+mod unread;
 
 use std::sync::Arc;
 
@@ -16,6 +21,7 @@ use datafusion::physical_plan::ExecutionPlan;
 
 pub use files_exec::settle;
 pub(crate) use files_exec::{FilesExec, limit_workers};
+pub(crate) use unread::has_unread;
 
 use crate::places::CasingFile;
 use crate::task::Task;

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use futures_util::{StreamExt as _, TryStreamExt as _, stream};
@@ -15,6 +16,10 @@ use crate::reprocess::staging::{self, Staging};
 
 /// Results that are looked for at a time.
 const AT_A_TIME: usize = 16;
+
+/// Times between two counts of results: a server should not be asked often.
+const COUNT_EVERY: Duration = Duration::from_secs(1);
+const COUNT_KEYS_EVERY: Duration = Duration::from_secs(10);
 
 /// Results of a job that is not committed.
 #[derive(Debug)]
@@ -65,6 +70,25 @@ impl Gathering {
         match self {
             Self::Folder(staging, _) => staging.text(),
             Self::Keys(keys) => Ok(keys.to_string()),
+        }
+    }
+
+    /// How long to wait before results are counted again.
+    pub(super) fn count_every(&self) -> Duration {
+        match self {
+            Self::Folder(..) => COUNT_EVERY,
+            Self::Keys(_) => COUNT_KEYS_EVERY,
+        }
+    }
+
+    /// Number of archives that have results; in object storage, with what a killed client of the same job left.
+    pub(super) async fn count(&self) -> Result<usize> {
+        match self {
+            Self::Folder(staging, _) => staging.count(),
+            Self::Keys(keys) => {
+                let objects = objects::list(keys).await?;
+                Ok(objects.iter().filter(|object| object.key.ends_with(".h5")).count())
+            }
         }
     }
 

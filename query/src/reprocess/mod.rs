@@ -10,11 +10,14 @@ mod gathering;
 mod staging;
 
 use std::path::PathBuf;
+use std::pin::pin;
 use std::sync::Arc;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use datafusion::arrow::array::RecordBatch;
 use datafusion::arrow::json::LineDelimitedWriter;
+use tapline_host::progress::{Progress, Unit};
+use tokio::time::timeout;
 
 pub use commit::{Committed, Row};
 
@@ -62,7 +65,7 @@ pub struct Done {
 /// Places that cannot be read or written, a program that is not there, an engine that fails, and archives that all fail alike.
 /// Nothing is committed then.
 pub async fn reprocess(order: &Order) -> Result<Done> {
-    let ArchiveArgs { places, engine, files_per_task } = &order.archives;
+    let ArchiveArgs { places, engine, .. } = &order.archives;
     let files = find(places, false).await?;
     let out = out_place(&order.out, places)?;
     let program = Program::find()?;
@@ -80,9 +83,11 @@ pub async fn reprocess(order: &Order) -> Result<Done> {
     }
     let gathering = Gathering::new(&out, &job.folder(), &files)?;
     let task = ReprocessTask { staging: gathering.text()?, ..task };
-    let table = FilesTable::new(Task::Reprocess(task), partitions(&files, usize::from(*files_per_task)));
+    let table =
+        FilesTable::new(Task::Reprocess(task), partitions(&files, order.archives.files_per_job_task(files.len())));
     let context = engine.connect().await?;
-    let rows = context.read_table(Arc::new(table)).context("cannot plan the job")?.collect().await;
+    let work = context.read_table(Arc::new(table)).context("cannot plan the job")?.collect();
+    let rows = watched(work, &gathering, files.len()).await;
     let rows = rows.with_context(|| format!("{}; nothing is committed", engine.at()))?;
     let committed = Committed { rows: checked(rows_of(&rows)?, &files)?, ..Committed::new(job) };
     // If all archives fail alike, the request is wrong.
@@ -100,6 +105,21 @@ pub async fn reprocess(order: &Order) -> Result<Done> {
         false => committed,
     };
     Ok(Done { folder, committed, was_there })
+}
+
+/// Waits for `work`, and shows how many of `count` archives have results.
+async fn watched<T>(work: impl Future<Output = T>, gathering: &Gathering, count: usize) -> T {
+    let mut progress = Progress::new(Some(count as u64), Unit::Things("archives"));
+    let mut work = pin!(work);
+    loop {
+        if let Ok(done) = timeout(gathering.count_every(), &mut work).await {
+            return done;
+        }
+        // Without a count now there may be one next time.
+        if let Ok(count) = gathering.count().await {
+            progress.update(count as u64);
+        }
+    }
 }
 
 /// The rows, in the order of their files.

@@ -10,6 +10,7 @@ use crate::places::{COMMIT_FILE, CasingFile};
 use crate::reprocess::commit::Committed;
 use crate::task::FILES;
 use anyhow::{Context as _, Result, ensure};
+use tapline_store::Folder;
 
 /// What staging folders are called.
 const PREFIX: &str = ".staging-";
@@ -68,6 +69,11 @@ impl Staging {
     pub(super) fn text(&self) -> Result<String> {
         let path = &self.folder;
         Ok(path.to_str().with_context(|| format!("the name of {} is not UTF-8", path.display()))?.to_owned())
+    }
+
+    /// Number of results.
+    pub(super) fn count(&self) -> Result<usize> {
+        Ok(Folder::list(&self.folder.join(FILES))?.finished.len())
     }
 
     /// Turns what was gathered into the folder `to`, with its commit file; `false` if it was committed meanwhile.

@@ -19,6 +19,7 @@ pub(crate) use reprocess::{FILES, given, reference};
 pub use reprocess::{Given, Reference, ReprocessTask};
 
 use crate::places::CasingFile;
+use crate::task::rows::Columns;
 
 /// The name of `table` in SQL.
 pub(crate) fn sql_name(table: Export) -> &'static str {
@@ -46,20 +47,35 @@ impl Task {
         Arc::new(Schema::new([file].into_iter().chain(of_file).chain(ends).collect::<Vec<_>>()))
     }
 
-    /// Does the task with `file`, and returns its rows; one row with the error if it cannot be done.
+    /// How many files it does at a time. The rows of files that are read wait in memory, and should not be many; a program that
+    /// judges archives takes as many as there are, because it learns the reference first.
+    pub(crate) fn files_at_a_time(&self) -> usize {
+        match self {
+            Self::Read(_) => 1,
+            Self::Reprocess(_) => usize::MAX,
+        }
+    }
+
+    /// Does the task with `files`, and returns their rows; of a file that cannot be done one row, with the error.
     ///
     /// # Errors
     /// Where no file can be done: the folder of the job is gone, the program is another one, or object storage cannot be reached.
-    pub(crate) fn run(&self, file: &CasingFile) -> anyhow::Result<Vec<RecordBatch>> {
-        let rows = match self {
-            Self::Read(table) => Local::of(file)?.and_then(|local| {
-                let rows = rows::read(local.path(), *table);
-                rows.map_err(|error| local.message(file, &error.to_string()))
-            }),
-            Self::Reprocess(task) => task.run(file)?.map(|row| vec![row]),
+    pub(crate) fn run(&self, files: &[CasingFile]) -> anyhow::Result<Vec<RecordBatch>> {
+        let of_files = match self {
+            Self::Read(table) => files.iter().map(|file| read(file, *table)).collect::<anyhow::Result<Vec<_>>>()?,
+            Self::Reprocess(task) => task.run(files)?.into_iter().map(|row| row.map(|row| vec![row])).collect(),
         };
-        rows::batches(&self.schema(), &file.name, rows)
+        let batches = files.iter().zip(of_files).map(|(file, rows)| rows::batches(&self.schema(), &file.name, rows));
+        Ok(batches.collect::<anyhow::Result<Vec<_>>>()?.concat())
     }
+}
+
+/// The rows of one file, or why it cannot be read.
+fn read(file: &CasingFile, table: Export) -> anyhow::Result<Result<Vec<Columns>, String>> {
+    Ok(Local::of(file)?.and_then(|local| {
+        let rows = rows::read(local.path(), table);
+        rows.map_err(|error| local.message(file, &error.to_string()))
+    }))
 }
 
 #[cfg(test)]

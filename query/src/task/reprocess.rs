@@ -1,7 +1,11 @@
-//! One archive judged again: `tapline reprocess` in a folder of its own.
+//! Archives judged again: `tapline reprocess` in folders of their own.
+//!
+//! One process judges all archives of a task, because it learns the reference before the first one. What it cannot judge is judged once
+//! more, each by a process of its own: what that says is about this archive, and the same however archives are shared out.
 
 use std::fs;
-use std::path::Path;
+use std::io::{BufRead as _, BufReader};
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::sync::Arc;
 
@@ -21,6 +25,9 @@ pub(crate) const FILES: &str = "files";
 
 /// Exit codes of `tapline reprocess`: all was judged; not all could be.
 const CODES: [i32; 2] = [0, 3];
+
+/// Archives that are fetched from object storage at a time: each needs room on the disk until it is judged.
+const FETCHED_MAX: usize = 4;
 
 /// What the system says of a host that lacks room, memory or files, or whose disk fails.
 const OF_HOST: [&str; 5] = [
@@ -64,6 +71,7 @@ pub enum Reference {
 /// What `tapline reprocess --json` prints for an archive.
 #[derive(Debug, Deserialize)]
 struct Printed {
+    archive: String,
     results: String,
     lineage: String,
     is_complete: bool,
@@ -104,12 +112,12 @@ impl ReprocessTask {
         ]
     }
 
-    /// Judges the archive again, and moves its results into the staging folder: existing results of it are the same.
-    /// Returns the row of the file, or why it cannot be judged.
+    /// Judges the archives again, and moves their results into the staging folder: existing results of them are the same.
+    /// Returns the row of each file, or why it cannot be judged.
     ///
     /// # Errors
     /// Where no archive can be judged here: the staging folder is gone, or the program, the configuration or the reference is another.
-    pub(crate) fn run(&self, file: &CasingFile) -> Result<Result<Columns, String>> {
+    pub(crate) fn run(&self, files: &[CasingFile]) -> Result<Vec<Result<Columns, String>>> {
         let keys = Key::of_address(&self.staging);
         let staging = Path::new(&self.staging);
         ensure!(
@@ -127,27 +135,88 @@ impl ReprocessTask {
         if let Some(Reference::File(file)) = &self.reference {
             file.check()?;
         }
-        let work = match &keys {
-            Some(_) => temporary_folder()?,
-            None => {
-                let work = tempfile::Builder::new().prefix(".work-").tempdir_in(staging);
-                work.with_context(|| format!("cannot make a folder in {}", staging.display()))?
-            }
-        };
-        let archive = work.path().join(base_name(&file.name));
-        // Another archive than the job was named after is none of it.
-        put_at(file, &archive)?.map_err(anyhow::Error::msg)?;
-        let output = self.command(&program, &archive).output();
-        let output = output.with_context(|| format!("cannot run {}", program.path().display()))?;
-        match printed(&output, work.path())? {
-            Ok(printed) => Ok(Ok(keep(&printed, file, staging, keys.as_ref())?)),
-            Err(why) => Ok(Err(why)),
+        let count_max = if keys.is_some() { FETCHED_MAX } else { files.len().max(1) };
+        let mut rows = Vec::with_capacity(files.len());
+        for files in files.chunks(count_max) {
+            let work = match &keys {
+                Some(_) => temporary_folder()?,
+                None => {
+                    let work = tempfile::Builder::new().prefix(".work-").tempdir_in(staging);
+                    work.with_context(|| format!("cannot make a folder in {}", staging.display()))?
+                }
+            };
+            rows.extend(self.judge(&program, files, work.path())?);
         }
+        Ok(rows)
     }
 
-    fn command(&self, program: &Program, archive: &Path) -> Command {
+    /// Judges the archives in the folder `work`.
+    fn judge(&self, program: &Program, files: &[CasingFile], work: &Path) -> Result<Vec<Result<Columns, String>>> {
+        let mut archives = Vec::with_capacity(files.len());
+        for (number, file) in files.iter().enumerate() {
+            // Archives of two days may have the same name.
+            let folder = work.join(number.to_string());
+            fs::create_dir(&folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+            let archive = folder.join(base_name(&file.name));
+            // Another archive than the job was named after is none of it.
+            put_at(file, &archive)?.map_err(anyhow::Error::msg)?;
+            archives.push(archive);
+        }
+        let mut rows: Vec<Option<Columns>> = vec![None; files.len()];
+        if files.len() > 1 {
+            self.judge_together(program, &archives, |printed| {
+                let number = archives.iter().position(|archive| *archive == Path::new(&printed.archive));
+                let number = number.with_context(|| format!("{} was not to be judged", printed.archive))?;
+                rows[number] = Some(self.keep(&printed, &files[number])?);
+                Ok(())
+            })?;
+        }
+        let row = |((file, archive), row): ((&CasingFile, &PathBuf), Option<Columns>)| match row {
+            Some(row) => Ok(Ok(row)),
+            None => {
+                // After an error elsewhere the client has removed it, and with it the archives.
+                ensure!(work.is_dir(), "{} is gone: its job ended", work.display());
+                let output = self.command(program, std::slice::from_ref(archive)).output();
+                let output = output.with_context(|| format!("cannot run {}", program.path().display()))?;
+                let printed = printed(&output, archive.parent().unwrap_or(work))?;
+                printed.map_or_else(|why| Ok(Err(why)), |printed| Ok(Ok(self.keep(&printed, file)?)))
+            }
+        };
+        files.iter().zip(&archives).zip(rows).map(row).collect()
+    }
+
+    /// Has one process judge `archives`; `take` gets what it prints of each as it comes.
+    ///
+    /// # Errors
+    /// The first of `take`, which ends the process, or that it was killed.
+    fn judge_together(
+        &self,
+        program: &Program,
+        archives: &[PathBuf],
+        mut take: impl FnMut(Printed) -> Result<()>,
+    ) -> Result<()> {
+        let context = || format!("cannot run {}", program.path().display());
+        let mut command = self.command(program, archives);
+        let mut process = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().with_context(context)?;
+        let taken = process.stdout.take().map_or(Ok(()), |out| {
+            BufReader::new(out).lines().try_for_each(|line| {
+                let line = line.with_context(context)?;
+                serde_json::from_str(&line).map_or(Ok(()), &mut take)
+            })
+        });
+        if taken.is_err() {
+            // It may have ended already.
+            drop(process.kill());
+        }
+        let status = process.wait().with_context(context)?;
+        taken?;
+        ensure!(status.code().is_some(), "tapline reprocess ended with {status}");
+        Ok(())
+    }
+
+    fn command(&self, program: &Program, archives: &[PathBuf]) -> Command {
         let mut command = Command::new(program.path());
-        command.args(["reprocess", "--json", "--quiet", "--jobs", "1"]).arg(archive).stdin(Stdio::null());
+        command.args(["reprocess", "--json", "--quiet", "--jobs", "1"]).args(archives).stdin(Stdio::null());
         if let Some(config) = &self.config {
             command.arg("--config").arg(&config.path);
         }
@@ -160,6 +229,39 @@ impl ReprocessTask {
             command.arg("--from-samples");
         }
         command
+    }
+
+    /// Moves the results to where the job collects them.
+    fn keep(&self, printed: &Printed, file: &CasingFile) -> Result<Columns> {
+        let from = Path::new(&printed.results);
+        let name = Path::new(&file.name).with_file_name(from.file_name().unwrap_or_default());
+        let blake3 = file_digest(from)?;
+        let bytes = match Key::of_address(&self.staging) {
+            Some(keys) => {
+                // Whoever does it twice puts the same again.
+                let key = keys.join(&name.to_string_lossy());
+                Handle::current().block_on(objects::put(from, &key, false))?;
+                from.metadata().with_context(|| format!("cannot read {}", from.display()))?.len()
+            }
+            None => {
+                let to = Path::new(&self.staging).join(FILES).join(&name);
+                let kept = fs::File::open(from).and_then(|results| {
+                    results.sync_all()?;
+                    let bytes = results.metadata()?.len();
+                    fs::rename(from, &to)?;
+                    Ok(bytes)
+                });
+                kept.with_context(|| format!("cannot move {} to {}", from.display(), to.display()))?
+            }
+        };
+        let text = |text: String| Arc::new(StringArray::from(vec![text]));
+        Ok(vec![
+            text(name.to_string_lossy().into_owned()),
+            text(printed.lineage.clone()),
+            Arc::new(BooleanArray::from(vec![printed.is_complete])),
+            Arc::new(UInt64Array::from(vec![bytes])),
+            text(blake3),
+        ])
     }
 }
 
@@ -184,37 +286,4 @@ fn printed(output: &Output, work: &Path) -> Result<Result<Printed, String>> {
     };
     ensure!(!OF_HOST.iter().any(|fault| why.contains(fault)), "{why}");
     Ok(Err(why))
-}
-
-/// Moves the results to where the job collects them.
-fn keep(printed: &Printed, file: &CasingFile, staging: &Path, keys: Option<&Key>) -> Result<Columns> {
-    let from = Path::new(&printed.results);
-    let name = Path::new(&file.name).with_file_name(from.file_name().unwrap_or_default());
-    let blake3 = file_digest(from)?;
-    let bytes = match keys {
-        Some(keys) => {
-            // Whoever does it twice puts the same again.
-            let key = keys.join(&name.to_string_lossy());
-            Handle::current().block_on(objects::put(from, &key, false))?;
-            from.metadata().with_context(|| format!("cannot read {}", from.display()))?.len()
-        }
-        None => {
-            let to = staging.join(FILES).join(&name);
-            let kept = fs::File::open(from).and_then(|results| {
-                results.sync_all()?;
-                let bytes = results.metadata()?.len();
-                fs::rename(from, &to)?;
-                Ok(bytes)
-            });
-            kept.with_context(|| format!("cannot move {} to {}", from.display(), to.display()))?
-        }
-    };
-    let text = |text: String| Arc::new(StringArray::from(vec![text]));
-    Ok(vec![
-        text(name.to_string_lossy().into_owned()),
-        text(printed.lineage.clone()),
-        Arc::new(BooleanArray::from(vec![printed.is_complete])),
-        Arc::new(UInt64Array::from(vec![bytes])),
-        text(blake3),
-    ])
 }
