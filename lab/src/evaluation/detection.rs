@@ -55,8 +55,13 @@ impl Detection {
             Some(_) => format!("{name} {} mm", cell(size_mm)),
             None => format!("no {name}"),
         };
-        let curve = self.hit_miss.as_ref()?;
-        Ok(format!("{}, {}", size("a90", curve.a90), size("a90/95", curve.a90_95_likelihood)))
+        let ([_, a90, a90_95], _) = self.supported(sizes_of(self.hit_miss.as_ref()?));
+        Ok(format!("{}, {}", size("a90", a90), size("a90/95", a90_95)))
+    }
+
+    /// a90/95 by hit and miss, if the targets support it.
+    pub(crate) fn a90_95_mm(&self) -> Option<f64> {
+        self.supported(sizes_of(self.hit_miss.as_ref().ok()?)).0[2]
     }
 
     /// Its two rows in a table of [`DETECTION_COLUMNS`].
@@ -67,14 +72,12 @@ impl Detection {
             table.push(head.into_iter().chain(sizes.map(cell)).chain([remark.into()]));
         };
         let with_remarks = |sizes: [Option<f64>; 3], mut remarks: Vec<String>| {
-            remarks.push(self.beyond(sizes));
+            let (sizes, missing) = self.supported(sizes);
+            remarks.push(missing);
             remarks.retain(|remark| !remark.is_empty());
             (sizes, remarks.join("; "))
         };
-        let of_hits = self
-            .hit_miss
-            .as_ref()
-            .map(|h| with_remarks([h.a50, h.a90, h.a90_95_likelihood], vec![few(h.targets, HIT_MISS_TARGETS)]));
+        let of_hits = self.hit_miss.as_ref().map(|h| with_remarks(sizes_of(h), vec![few(h.targets, HIT_MISS_TARGETS)]));
         push("hit or miss", of_hits.map_err(ToString::to_string));
         let of_responses = self
             .a_hat
@@ -83,21 +86,25 @@ impl Detection {
         push("response", of_responses.map_err(ToString::to_string));
     }
 
-    /// That a curve gives sizes beyond those of the targets, or no a90/95.
-    fn beyond(&self, [a50, a90, a90_95]: [Option<f64>; 3]) -> String {
+    /// Those of a50, a90 and a90/95 that lie among the sizes of the targets, and a remark on the others: farther out a curve only
+    /// follows its formula.
+    fn supported(&self, found: [Option<f64>; 3]) -> ([Option<f64>; 3], String) {
         let sizes = || self.targets.iter().map(|target| target.size_mm);
-        let is_beyond = |size: f64| sizes().all(|of| of < size) || sizes().all(|of| of > size);
-        // Where a curve gives none it is farther still.
-        let named = [("a50", a50), ("a90", a90)].map(|(name, size)| size.is_none_or(is_beyond).then_some(name));
-        let names: Vec<&str> = named.into_iter().flatten().collect();
+        let is_within = |size: &f64| sizes().any(|of| of <= *size) && sizes().any(|of| of >= *size);
+        let sizes = found.map(|size| size.filter(is_within));
+        let is_bounded = found[2].is_some();
+        // Where a curve gives no a50 or a90 they are farther still; an a90/95 that is not given has no bound.
+        let named = [("a50", true), ("a90", true), ("a90/95", is_bounded)].into_iter().zip(sizes);
+        let names: Vec<&str> =
+            named.filter(|((_, is_given), size)| *is_given && size.is_none()).map(|((name, _), _)| name).collect();
         let mut remarks = Vec::new();
         if !names.is_empty() {
             remarks.push(format!("{} beyond the sizes of the targets", names.join(" and ")));
         }
-        if a90_95.is_none() {
+        if !is_bounded {
             remarks.push("no a90/95: larger cracks may not be found more easily".to_owned());
         }
-        remarks.join("; ")
+        (sizes, remarks.join("; "))
     }
 
     /// Both curves over sizes from `low` to `high` mm, with the targets; `label` says what the size is.
@@ -127,6 +134,11 @@ impl Detection {
     }
 }
 
+/// a50, a90 and a90/95 of a curve of hits and misses.
+fn sizes_of(curve: &HitMiss) -> [Option<f64>; 3] {
+    [curve.a50, curve.a90, curve.a90_95_likelihood]
+}
+
 /// That there are fewer targets than the handbook trusts.
 fn few(count: usize, wanted: usize) -> String {
     if count < wanted {
@@ -150,7 +162,7 @@ fn uneven(line: &AHat) -> String {
 mod tests {
     use super::*;
 
-    /// Catches a size that the curve gives far beyond all targets, and a missing a90/95, without a word.
+    /// Catches a size that the curve gives far beyond all targets, in a cell or in words, and a missing a90/95 without a word.
     #[test]
     fn what_the_targets_do_not_support_is_remarked() {
         let found =
@@ -166,6 +178,14 @@ mod tests {
         for remark in ["a50 and a90 beyond the sizes of the targets", "no a90/95"] {
             assert!(text.lines().nth(1).unwrap().contains(remark), "{text}");
         }
+        // The targets are 6 to 27 mm long.
+        assert!(detection.hit_miss.as_ref().unwrap().a50.is_some_and(|size| size < 6.0), "{detection:?}");
+        assert!(text.lines().nth(1).unwrap().starts_with("all,hit or miss,72,45,,,,"), "{text}");
+        assert_eq!(detection.sizes_in_words().unwrap(), "no a90, no a90/95");
+        // A bound beyond them is remarked too.
+        let (sizes, remark) = detection.supported([Some(7.0), Some(27.0), Some(1040.0)]);
+        assert_eq!(sizes, [Some(7.0), Some(27.0), None]);
+        assert_eq!(remark, "a90/95 beyond the sizes of the targets");
     }
 
     /// Catches one limit for all targets: whoever judges a shoulder on another scale finds the same cracks.

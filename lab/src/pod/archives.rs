@@ -1,6 +1,7 @@
-//! The shoulders of all finished archives of a folder.
+//! The shoulders of all finished archives of some folders.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, ensure};
@@ -11,10 +12,13 @@ use tapline_wire::{DamageCell, Geometry, Judgement, Scan};
 use super::truth::{Crack, Extent, Inspected, KnownTruth, Shoulder};
 use crate::shoulder_result::ShoulderResult;
 
+/// Nanoseconds of a day.
+const DAY_NS: i64 = 86_400_000_000_000;
+
 /// One shoulder as it was scanned and judged once.
 #[derive(Debug, Clone)]
 pub(super) struct Scanned {
-    /// Path of the archive within the folder.
+    /// Path of the archive, within the folder if there is only one.
     pub archive: String,
     pub station: u16,
     /// When it was first tapped, in ns since the Unix epoch; `None` if no tap has a time.
@@ -33,7 +37,7 @@ pub(super) struct Scanned {
     pub known: Option<Vec<Crack>>,
 }
 
-/// Scans of a folder.
+/// Scans of some folders.
 #[derive(Debug, Default)]
 pub(super) struct Scans {
     /// By casing and shoulder, the first scan first, those of unknown time last.
@@ -57,7 +61,7 @@ pub(super) struct Scans {
 impl Scanned {
     /// Its casing and side.
     pub(super) fn shoulder(&self) -> Shoulder {
-        (self.result.tyre.clone(), self.result.shoulder)
+        (self.result.tyre.clone(), self.result.shoulder, None)
     }
 
     /// The places of its map that lie on `crack`.
@@ -67,12 +71,20 @@ impl Scanned {
 }
 
 impl Scans {
-    /// Reads the finished archives of `folder` and its subfolders, or instead of them the newest results of each.
+    /// Reads the finished archives of `folders` and their subfolders, or instead of them the newest results of each.
     ///
     /// # Errors
-    /// A folder that cannot be read, or that has no readable archive or results.
-    pub(super) fn read(folder: &Path, is_results: bool) -> Result<Self> {
-        let here = Folder::list(folder)?;
+    /// A folder that cannot be read, or that there is no readable archive or results in any.
+    pub(super) fn read(folders: &[PathBuf], is_results: bool) -> Result<Self> {
+        // One folder may lie within another.
+        let mut finished = BTreeSet::new();
+        for folder in folders {
+            finished.extend(Folder::list(folder)?.finished);
+        }
+        let here = Folder { finished: finished.into_iter().collect(), ..Folder::default() };
+        let named: Vec<&OsStr> = folders.iter().map(|folder| folder.as_os_str()).collect();
+        let folder = PathBuf::from(named.join(OsStr::new(" ")));
+        let folder = folder.as_path();
         let mut scans = Self::default();
         let files = if is_results {
             let sorted = here.sorted();
@@ -83,7 +95,9 @@ impl Scans {
                 match Reader::open(archive) {
                     Ok(reader) => {
                         let shoulders = reader.plan().scans().iter();
-                        scans.without_results.extend(shoulders.map(|scan| (scan.tyre.to_string(), scan.shoulder)));
+                        scans
+                            .without_results
+                            .extend(shoulders.map(|scan| (scan.tyre.to_string(), scan.shoulder, None)));
                     }
                     Err(error) => scans.unreadable.push(error.to_string()),
                 }
@@ -108,7 +122,7 @@ impl Scans {
             ensure!(failed.len() < files.len(), "none of {} archives can be read: {first}", files.len());
         }
         scans.unreadable.append(&mut failed);
-        for ((tyre, side), shoulder) in &mut scans.of_shoulder {
+        for ((tyre, side, _), shoulder) in &mut scans.of_shoulder {
             // For each location whether it is cracked, and the first archive that knows.
             let mut stated: BTreeMap<u32, (bool, &str)> = BTreeMap::new();
             for scan in shoulder.iter() {
@@ -163,7 +177,18 @@ impl Scans {
 
     /// Whether `shoulder` may have been scanned in an archive that was left out.
     pub(super) fn may_be_left_out(&self, shoulder: &Shoulder) -> bool {
-        !self.unreadable.is_empty() || self.without_results.contains(shoulder)
+        let (tyre, side, _) = shoulder.clone();
+        !self.unreadable.is_empty() || self.without_results.contains(&(tyre, side, None))
+    }
+
+    /// Makes a shoulder whose truth changes several ones: each has the scans from a day of its truth on, until the next.
+    pub(super) fn split(&mut self, truth: &KnownTruth) {
+        for ((tyre, side, _), scans) in std::mem::take(&mut self.of_shoulder) {
+            for scan in scans {
+                let day = truth.day_of(&tyre, side, scan.tapped_ns.map(|ns| ns.div_euclid(DAY_NS)));
+                self.of_shoulder.entry((tyre.clone(), side, day)).or_default().push(scan);
+            }
+        }
     }
 
     /// Where the locations of each shoulder lie.

@@ -1,5 +1,5 @@
 //! Shoulders that were scanned and inspected by other means: the first scan of each. Looks at the same crack are not
-//! independent, so later scans are only used in the gauge study.
+//! independent, so later scans are only used where repeated scans are compared.
 
 use super::archives::{Scanned, Scans};
 use super::truth::{Crack, KnownTruth};

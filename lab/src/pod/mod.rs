@@ -3,6 +3,7 @@
 //!
 //! A number that the data cannot support is not printed; a remark says which and why.
 
+mod agreement;
 mod archives;
 mod basis;
 mod calls;
@@ -21,6 +22,7 @@ use tapline_host::arguments::ForceArgs;
 use tapline_host::atomic_file::{Existing, check_folder, write_texts};
 use tapline_host::messages::{print_line, say};
 
+use self::agreement::{Agreement, Scatter};
 use self::archives::Scans;
 use self::calls::CallRate;
 use self::repeats::Repeated;
@@ -31,11 +33,12 @@ use crate::evaluation::{Detection, Table, files_of, print_tables};
 /// Options of `pod`.
 #[derive(Debug, clap::Args)]
 pub struct PodArgs {
-    /// Folder with finished archives, also in subfolders.
-    pub folder: PathBuf,
+    /// Folders with finished archives, also in subfolders.
+    #[arg(required = true, value_name = "FOLDER")]
+    pub folders: Vec<PathBuf>,
     /// What other means found: a CSV file with the columns tyre, shoulder, first_location, location_count and, where it is
-    /// known, size_mm; a row with location_count 0 states that a shoulder was inspected and is sound. If left out, the
-    /// truth in the archives (simulated tyres, tap sets with truth) is used.
+    /// known, size_mm; a row with location_count 0 states that a shoulder was inspected and is sound. A column scanned_on has the
+    /// days from which on rows hold. If left out, the truth in the archives (simulated tyres, tap sets with truth) is used.
     #[arg(long)]
     pub truth: Option<PathBuf>,
     /// Use each casing's newest `tapline reprocess` results instead of its archive.
@@ -61,6 +64,8 @@ struct Findings {
     rocs: [Roc; 2],
     calls: Vec<CallRate>,
     repeated: Vec<Repeated>,
+    agreements: Vec<Agreement>,
+    scatter: Scatter,
     tables: Vec<Table>,
 }
 
@@ -74,12 +79,17 @@ pub fn pod(args: &PodArgs) -> Result<bool> {
     if let Some(folder) = &args.out {
         check_folder(folder, args.force.existing())?;
     }
-    let scans = Scans::read(&args.folder, args.results)?;
+    let mut scans = Scans::read(&args.folders, args.results)?;
     scans.remarks.iter().for_each(|remark| say(&format!("tapline-lab: {remark}")));
     scans.unreadable.iter().for_each(|why| print_line(&format!("tapline-lab: {why}")));
     let truth = match &args.truth {
         Some(file) => {
-            let (mut truth, scanned) = (KnownTruth::read(file)?, scans.extents());
+            let mut truth = KnownTruth::read(file)?;
+            scans.split(&truth);
+            let scanned = scans.extents();
+            if !truth.ignored.is_empty() {
+                say(&format!("{}: unknown columns are ignored: {}", file.display(), truth.ignored.join(", ")));
+            }
             truth.leave_out(&scanned, |shoulder| scans.may_be_left_out(shoulder));
             truth.check(&scanned).map_err(|error| anyhow!("{} {error:#}", file.display()))?;
             if !truth.not_scanned.is_empty() {
@@ -89,7 +99,8 @@ pub fn pod(args: &PodArgs) -> Result<bool> {
             }
             if let Some(why) = &scans.contradiction {
                 say(&format!(
-                    "{why}; --truth replaces what archives know of cracks, and both count as scans of one shoulder"
+                    "{why}; --truth replaces what archives know of cracks, and both count as scans of one shoulder unless its \
+                     scanned_on tells them apart"
                 ));
             }
             truth
@@ -114,16 +125,19 @@ impl Findings {
         let rocs = roc::rocs(&inspected, args.seed);
         let calls = calls::calls(&inspected);
         let repeated = repeats::repeated(scans);
+        let (agreements, scatter) = (agreement::agreements(scans), agreement::scatter(scans));
         let tables = vec![
             basis::table(scans, truth, &inspected, args),
             cracks::table(&detections),
             roc::table(&rocs),
             calls::table(&calls),
             repeats::table(&repeated),
+            agreement::table(&agreements),
+            agreement::scatter_table(&scatter),
             cracks::all(&inspected),
             inspected::table(&inspected),
         ];
-        Self { detections, rocs, calls, repeated, tables }
+        Self { detections, rocs, calls, repeated, agreements, scatter, tables }
     }
 
     fn write(&self, folder: &Path, existing: Existing) -> Result<()> {

@@ -1,6 +1,7 @@
 //! `page.md`: the findings in words, and the tables with their figures.
 
 use super::Findings;
+use super::agreement::{Agreement, Scatter};
 use super::calls::CallRate;
 use super::repeats::Repeated;
 use super::roc::Roc;
@@ -24,6 +25,8 @@ fn heading(name: &str) -> &'static str {
         "roc" => "ROC",
         "calls" => "False calls",
         "gauge" => "Repeatability and reproducibility",
+        "agreement" => "Agreement of verdicts",
+        "scatter" => "Scatter below the limit",
         _ => "More",
     }
 }
@@ -36,6 +39,8 @@ fn conclusions(found: &Findings) -> Vec<String> {
     lines.extend(found.rocs.iter().filter_map(ranked));
     lines.extend(found.calls.iter().filter_map(called));
     lines.extend(found.repeated.iter().filter_map(repeated));
+    lines.extend(found.agreements.first().and_then(agreed));
+    lines.extend(scattered(&found.scatter));
     lines
 }
 
@@ -77,4 +82,22 @@ fn repeated(repeated: &Repeated) -> Option<String> {
     let across = if found.operators.degrees > 0 { "across stations" } else { "at one station" };
     let percent = cell(found.gauge.study_percent);
     Some(format!("The gauge takes {percent} % of the total standard deviation of {}, {across}.", repeated.quantity))
+}
+
+fn agreed(all: &Agreement) -> Option<String> {
+    let rate = all.rate?;
+    let (same, shoulders, interval) = (all.same_cell(), all.shoulders, between(Some((rate.low, rate.high))));
+    let kappa = all.kappa.map_or_else(|| "no kappa".to_owned(), |kappa| format!("kappa {}", cell(kappa)));
+    Some(format!(
+        "{same} of {shoulders} shoulders that were scanned again have the same verdict in all scans ({interval}); {kappa}."
+    ))
+}
+
+fn scattered(scatter: &Scatter) -> Option<String> {
+    let [level, sd, distance] = [scatter.level?, scatter.sd?, scatter.distance?].map(cell);
+    Some(format!(
+        "The strongest arc of {} shoulders below the limit is {level} of it, and scatters by {sd} of it from scan to scan: the limit is \
+         {distance} standard deviations away.",
+        scatter.shoulders
+    ))
 }

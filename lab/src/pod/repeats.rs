@@ -26,10 +26,10 @@ pub(super) struct Repeated {
 }
 
 /// The scans of a shoulder at one station.
-type AtStation<'a> = BTreeMap<u16, Vec<&'a Scanned>>;
+pub(super) type AtStation<'a> = BTreeMap<u16, Vec<&'a Scanned>>;
 
-/// The studies of both kinds of parts: across stations where shoulders were scanned again at several, and at one.
-pub(super) fn repeated(scans: &Scans) -> Vec<Repeated> {
+/// The shoulders that were scanned again at a station, each with its scans at those stations.
+pub(super) fn scanned_again(scans: &Scans) -> Vec<AtStation<'_>> {
     let mut again: Vec<AtStation<'_>> = Vec::new();
     for scans in scans.of_shoulder.values() {
         let mut at = AtStation::new();
@@ -37,6 +37,12 @@ pub(super) fn repeated(scans: &Scans) -> Vec<Repeated> {
         at.retain(|_, scans| scans.len() >= 2);
         again.extend(Some(at).filter(|at| !at.is_empty()));
     }
+    again
+}
+
+/// The studies of both kinds of parts: across stations where shoulders were scanned again at several, and at one.
+pub(super) fn repeated(scans: &Scans) -> Vec<Repeated> {
+    let again = scanned_again(scans);
     let mut studies = Vec::new();
     for reading in GaugedBy::ALL {
         if let Some(stations) = shared_stations(&again) {

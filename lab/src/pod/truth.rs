@@ -9,17 +9,20 @@ use std::path::Path;
 use anyhow::{Context as _, Result, bail, ensure};
 use tapline_acquire::{Error, TableRow, read_rows};
 use tapline_wire::{Geometry, Serial};
+use toml::value::{Date, Datetime};
 
 /// Columns that the file must have.
 const COLUMNS: &[&str] = &["tyre", "shoulder", "first_location", "location_count"];
 /// Columns that it may have.
-const OPTIONAL: &[&str] = &["size_mm", "note"];
+const OPTIONAL: &[&str] = &["size_mm", "scanned_on"];
+/// Column that is ignored without a remark.
+const NOTE: &str = "note";
 
 /// Largest size of a crack: no casing is as large.
 const SIZE_MAX_MM: f64 = 10_000.0;
 
-/// A shoulder: the serial number of its casing, and its side.
-pub(super) type Shoulder = (String, u16);
+/// A shoulder: the serial number of its casing, its side and, where its truth changes, the day from which on it is as it is.
+pub(super) type Shoulder = (String, u16, Option<Date>);
 
 /// A crack that was found by other means.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,6 +56,8 @@ pub(super) struct KnownTruth {
     pub shoulders: BTreeMap<Shoulder, Inspected>,
     /// Shoulders that the file has, and none of the archives that were read.
     pub not_scanned: Vec<Shoulder>,
+    /// Columns of the file that mean nothing here.
+    pub ignored: Vec<&'static str>,
 }
 
 /// Where the locations of a shoulder lie.
@@ -95,9 +100,35 @@ impl KnownTruth {
         Self::parse(file, &text)
     }
 
+    /// A list of inspections has columns of its own: these are ignored. If one looks like a known column that is missing, it may be
+    /// that column, misspelt.
     fn parse(file: &Path, text: &str) -> Result<Self> {
+        let mut ignored: Vec<&'static str> = Vec::new();
+        loop {
+            let error = match Self::with_columns(file, text, &ignored) {
+                Ok(truth) => {
+                    ignored.retain(|&column| column != NOTE);
+                    return Ok(Self { ignored, ..truth });
+                }
+                Err(error) => error,
+            };
+            let header = text.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
+            let is_misspelt =
+                |column: &str| OPTIONAL.iter().any(|known| !header.contains(known) && is_like(column, known));
+            match error.downcast_ref() {
+                Some(Error::Column { fault: "unknown", column, .. }) if !is_misspelt(column) => {
+                    // Columns are known by names that are never freed: these are few.
+                    ignored.push(column.clone().leak());
+                }
+                _ => return Err(error),
+            }
+        }
+    }
+
+    fn with_columns(file: &Path, text: &str, ignored: &[&'static str]) -> Result<Self> {
         let mut truth = Self::default();
-        read_rows(file, text.trim_start_matches('\u{feff}'), (COLUMNS, OPTIONAL), |row| {
+        let columns = (COLUMNS, &*[OPTIONAL, ignored].concat());
+        read_rows(file, text.trim_start_matches('\u{feff}'), columns, |row| {
             let (shoulder, crack) = read_row(row)?;
             let took = truth.take(shoulder, crack, row.line());
             took.with_context(|| format!("{} line {}", file.display(), row.line()))
@@ -130,6 +161,13 @@ impl KnownTruth {
         Ok(())
     }
 
+    /// The last day from which on the truth of a shoulder holds that is not after `day`; `None` if there is none.
+    pub(super) fn day_of(&self, tyre: &str, side: u16, day: Option<i64>) -> Option<Date> {
+        let of_shoulder = self.shoulders.range((tyre.to_owned(), side, None)..);
+        let of_shoulder = of_shoulder.map(|(key, _)| key).take_while(|key| key.0 == tyre && key.1 == side);
+        of_shoulder.filter_map(|key| key.2).take_while(|&from| day.is_some_and(|day| day_number(from) <= day)).last()
+    }
+
     /// Leaves out the shoulders that are not in `scanned` and may be in an archive that was left out.
     pub(super) fn leave_out(
         &mut self,
@@ -146,15 +184,26 @@ impl KnownTruth {
     /// # Errors
     /// The first tyre, shoulder or location that was not scanned, or two cracks that share a location.
     pub(super) fn check(&self, scanned: &BTreeMap<Shoulder, Extent>) -> Result<()> {
-        for ((tyre, shoulder), Inspected { cracks, line }) in &self.shoulders {
-            let Some(extent) = scanned.get(&(tyre.clone(), *shoulder)) else {
-                let sides: Vec<String> = scanned.keys().filter(|k| k.0 == *tyre).map(|k| k.1.to_string()).collect();
-                match sides.is_empty() {
-                    true => bail!(
+        for (key, Inspected { cracks, line }) in &self.shoulders {
+            let (tyre, shoulder, day) = key;
+            let Some(extent) = scanned.get(key) else {
+                let mut sides: Vec<u16> = scanned.keys().filter(|k| k.0 == *tyre).map(|k| k.1).collect();
+                sides.dedup();
+                let is_scanned = sides.contains(shoulder);
+                let sides: Vec<String> = sides.iter().map(ToString::to_string).collect();
+                match day {
+                    _ if sides.is_empty() => bail!(
                         "line {line}: tyre {tyre:?} is in none of the archives, which have {} tyres",
                         tyres(scanned)
                     ),
-                    false => bail!(
+                    Some(day) if is_scanned => bail!(
+                        "line {line}: tyre {tyre} shoulder {shoulder}: scanned_on is {day}; no scan is of that day, or later and before \
+                         its next scanned_on"
+                    ),
+                    None if is_scanned => {
+                        bail!("line {line}: tyre {tyre} shoulder {shoulder}: no scan is before its first scanned_on")
+                    }
+                    _ => bail!(
                         "line {line}: tyre {tyre}: shoulder is {shoulder}; the archives have {}",
                         sides.join(" and ")
                     ),
@@ -195,8 +244,29 @@ impl Crack {
     }
 }
 
+/// Days from 1970-01-01 to `date`. Years that begin in March end with their leap day.
+fn day_number(date: Date) -> i64 {
+    let month = i64::from(date.month);
+    let year = i64::from(date.year) - i64::from(month < 3);
+    let of_year = (153 * ((month + 9) % 12) + 2) / 5 + i64::from(date.day);
+    365 * year + year / 4 - year / 100 + year / 400 + of_year - 719_469
+}
+
+/// Whether a column named `name` may be the column `known`, misspelt: but for case and signs it has the same letters, up to two.
+fn is_like(name: &str, known: &str) -> bool {
+    let letters = |text: &str| text.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect();
+    let (name, mut rest): (Vec<char>, Vec<char>) = (letters(name), letters(known));
+    let before = rest.len();
+    for letter in &name {
+        if let Some(place) = rest.iter().position(|other| other == letter) {
+            rest.swap_remove(place);
+        }
+    }
+    rest.len() + name.len() - (before - rest.len()) <= 2
+}
+
 fn tyres(scanned: &BTreeMap<Shoulder, Extent>) -> usize {
-    let mut tyres: Vec<&str> = scanned.keys().map(|(tyre, _)| tyre.as_str()).collect();
+    let mut tyres: Vec<&str> = scanned.keys().map(|(tyre, ..)| tyre.as_str()).collect();
     tyres.dedup();
     tyres.len()
 }
@@ -205,7 +275,12 @@ fn tyres(scanned: &BTreeMap<Shoulder, Extent>) -> usize {
 fn read_row(row: &TableRow<'_>) -> Result<(Shoulder, Option<Crack>), Error> {
     let tyre = Serial::new(row.text("tyre")).map_err(|error| row.refuse("tyre", error.bound()))?;
     let side = row.needed("shoulder", 1, u32::from(u16::MAX))?;
-    let shoulder = (tyre.to_string(), u16::try_from(side).unwrap_or(u16::MAX));
+    let day = row.text("scanned_on");
+    let date = day.parse().ok().filter(|read: &Datetime| read.time.is_none()).and_then(|read| read.date);
+    if date.is_none() && !day.is_empty() {
+        return Err(row.refuse("scanned_on", "a day such as 2026-11-24, or empty"));
+    }
+    let shoulder = (tyre.to_string(), u16::try_from(side).unwrap_or(u16::MAX), date);
     let location_count = row.whole("location_count", 0, u32::MAX)?.ok_or_else(|| {
         let bound = "the number of cracked locations, or 0 for a shoulder that was inspected and is sound";
         row.refuse("location_count", bound)
@@ -242,12 +317,12 @@ mod tests {
     #[test]
     fn cracks_and_sound_shoulders_are_read() {
         let truth = parsed(&format!("\u{feff}{HEAD}A,1,98,4,12.5\nA,1,40,2,\nA,2,,0,\n")).unwrap();
-        let cracked = &truth.shoulders[&("A".to_owned(), 1)];
+        let cracked = &truth.shoulders[&("A".to_owned(), 1, None)];
         assert_eq!(cracked.cracks.iter().map(|c| c.size_mm).collect::<Vec<_>>(), [Some(12.5), None]);
-        assert!(truth.shoulders[&("A".to_owned(), 2)].cracks.is_empty());
+        assert!(truth.shoulders[&("A".to_owned(), 2, None)].cracks.is_empty());
         assert_eq!(truth.shoulders.len(), 2);
         let turned = parsed("note,location_count,first_location,shoulder,tyre\ncut,3,7,2,B\n").unwrap();
-        assert_eq!(turned.shoulders[&("B".to_owned(), 2)].cracks[0].first_location, 7);
+        assert_eq!(turned.shoulders[&("B".to_owned(), 2, None)].cracks[0].first_location, 7);
     }
 
     /// Catches an arc that ends at the seam, one that goes over the end of a line, and rings that are numbered from 1.
@@ -288,9 +363,42 @@ mod tests {
         }
         let missing = format!("{:#}", parsed("tyre,shoulder,first_location\n").unwrap_err());
         assert!(missing.contains("truth.csv line 1: missing column \"location_count\""), "{missing}");
-        let unknown = format!("{:#}", parsed(&HEAD.replace("size_mm", "size")).unwrap_err());
-        for expected in ["truth.csv line 1: unknown column \"size\"; the columns are tyre,", ",size_mm,note"] {
-            assert!(unknown.contains(expected), "{unknown}");
+    }
+
+    /// Catches a list of inspections that is refused for a column of its own, such a column that is taken for a known one or ignored
+    /// in silence, and sizes that are lost because their column is misspelt.
+    #[test]
+    fn other_columns_are_ignored_unless_they_look_like_a_known_one() {
+        let truth = parsed(
+            "tyre;inspector;shoulder;result;first_location;location_count;size_mm;note\nA;Kim;1;cut;3;2;12,5;x\n",
+        );
+        let truth = truth.unwrap();
+        assert_eq!(truth.ignored, ["inspector", "result"]);
+        assert_eq!(truth.shoulders[&("A".to_owned(), 1, None)].cracks[0].size_mm, Some(12.5));
+        for misspelt in ["size", "Size (mm)", "szie_mm", "SIZE_MM", "size_nm"] {
+            let error = format!("{:#}", parsed(&HEAD.replace("size_mm", misspelt)).unwrap_err());
+            let unknown = format!("truth.csv line 1: unknown column {misspelt:?}; the columns are tyre,");
+            assert!(error.contains(&unknown) && error.contains(",size_mm"), "{error}");
+        }
+        // Beside the right one it is another.
+        assert_eq!(parsed(&format!("size,{HEAD}9,A,1,3,2,7\n")).unwrap().ignored, ["size"]);
+        let needed = format!("{:#}", parsed(&HEAD.replace("location_count", "locaton_count")).unwrap_err());
+        assert!(needed.contains("missing column \"location_count\"; the columns are tyre,shoulder,"), "{needed}");
+    }
+
+    /// Catches a leap day, a century without one, and a day before 1970: by Python's `date.toordinal`.
+    #[test]
+    fn days_are_counted() {
+        let days = |text: &str| day_number(text.parse::<Datetime>().unwrap().date.unwrap());
+        for (text, expected) in [
+            ("1970-01-01", 0),
+            ("1969-12-31", -1),
+            ("2000-02-29", 11_016),
+            ("2000-03-01", 11_017),
+            ("2026-11-24", 20_781),
+            ("2100-12-31", 47_846),
+        ] {
+            assert_eq!(days(text), expected, "{text}");
         }
     }
 
@@ -298,7 +406,11 @@ mod tests {
     #[test]
     fn rows_are_of_what_was_scanned() {
         let line = Extent { geometry: Geometry::Line, ..ring(9) };
-        let scanned = [(("A".to_owned(), 1), ring(99)), (("A".to_owned(), 2), ring(99)), (("L".to_owned(), 1), line)];
+        let scanned = [
+            (("A".to_owned(), 1, None), ring(99)),
+            (("A".to_owned(), 2, None), ring(99)),
+            (("L".to_owned(), 1, None), line),
+        ];
         let check = |rows: &str| {
             let truth = parsed(&format!("{HEAD}{rows}")).unwrap();
             truth.check(&scanned.clone().into()).map_err(|error| format!("{error:#}"))

@@ -7,6 +7,7 @@
 //!   every a90, and do not use a curve below f.
 //! - [`mean_interval`]: the interval of a mean of few values.
 //! - [`crossed`] and [`one_way()`]: gauge repeatability and reproducibility by analysis of variance.
+//! - [`fleiss_kappa`] and [`cohen_kappa`]: agreement on verdicts beyond chance.
 //! - [`nor_rmse`] and [`within_over_all`]: repeatability of two turns around a ring.
 //!
 //! Where the data give no answer, a [`Refusal`] names the reason in place of a number.
@@ -16,6 +17,7 @@ mod anova;
 mod bound;
 mod gauge;
 mod hit_miss;
+mod kappa;
 mod mean;
 mod newton;
 mod rate;
@@ -27,6 +29,7 @@ pub use a_hat::{A_HAT_TARGETS, AHat, a_hat};
 pub use anova::{AnovaRow, Crossed};
 pub use gauge::{Component, Gauge, POOLED_ABOVE, crossed, one_way};
 pub use hit_miss::{HIT_MISS_TARGETS, HitMiss, hit_miss};
+pub use kappa::{cohen_kappa, fleiss_kappa};
 pub use mean::mean_interval;
 pub use rate::{Rate, clopper_pearson, mean_count};
 pub use refusal::Refusal;

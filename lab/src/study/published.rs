@@ -10,7 +10,7 @@ pub(super) const SLABS_TPR: f64 = 0.7;
 
 /// The a90/95 by hit and miss of the cracks of all depths.
 pub(super) fn a90_95_mm(detection: &[Detection]) -> Option<f64> {
-    detection.first()?.hit_miss.as_ref().ok()?.a90_95_likelihood
+    detection.first()?.a90_95_mm()
 }
 
 pub(super) fn table(detection: &[Detection], of_sets: &[OfSet]) -> Table {

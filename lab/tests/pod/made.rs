@@ -152,6 +152,7 @@ fn judged(scan: u32, shoulder: &Shoulder) -> (Judgement, Vec<DamageCell>) {
         arc if arc >= re_inspect => (Verdict::ReInspect, Reasons::SUSPECT),
         _ => (Verdict::Pass, Reasons::default()),
     };
+    let verdict = if shoulder.is_scatter_off && verdict == Verdict::Pass { Verdict::ReInspect } else { verdict };
     if shoulder.is_scatter_off {
         reasons.insert(Reasons::SCATTER_OFF | Reasons::SELF_REFERENCE);
     }
