@@ -170,7 +170,9 @@ fn dispatch(verb: &Verb) -> anyhow::Result<bool> {
         Verb::Explain { archives, shoulder, location, results, json } => {
             explain::explain(archives, results.which(), shoulder.as_deref(), *location, *json)
         }
-        Verb::Diff { before, after, results, json } => diff::diff(before, after, Which::results_if(*results), *json),
+        Verb::Diff { before, after, results, summary, json } => {
+            diff::diff(before, after, Which::results_if(*results), *summary, *json)
+        }
         Verb::Report(args) => report::report(args),
         Verb::Model(ModelVerb::Table { number, effective_length, json }) => {
             model_table::model(*number, *effective_length, *json)

@@ -73,12 +73,19 @@ fn file_column<R>(name: Option<&str>) -> Option<Column<R>> {
 struct FoundRow<'a> {
     tap: &'a PlannedTap,
     found: Discriminators,
+    /// When the tap was made, ns since the Unix epoch; `None` where that was not recorded.
+    time_ns: Option<i64>,
 }
 
 /// `units` are those of force and sound.
 fn discriminator_columns<'a>(name: Option<&str>, units: [Option<String>; 2]) -> Vec<Column<FoundRow<'a>>> {
     let mut columns = tap_columns(name, |row: &FoundRow<'_>| row.tap);
-    columns.push(Column::u16("attempt", |row: &FoundRow<'_>| row.found.id.attempt));
+    columns.extend([
+        Column::u16("attempt", |row: &FoundRow<'_>| row.found.id.attempt),
+        Column::text("purpose", |row: &FoundRow<'_>| row.tap.purpose.name().to_owned()),
+        Column::text("tap_utc", |row: &FoundRow<'_>| utc(row.time_ns?, "%Y-%m-%d %H:%M:%S%.3f")),
+        Column::f64("velocity_measured_m_per_s", "m/s", |row: &FoundRow<'_>| row.found.velocity_measured_m_per_s),
+    ]);
     columns.extend(Discriminator::ALL.map(|which| {
         // The other units may differ between archives of one table: they have columns of their own.
         let unit = which.fixed_unit().unwrap_or_default();
@@ -99,8 +106,12 @@ fn discriminators(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> 
         has_it.then(|| recording.calibration.unit(channel).name().to_owned())
     });
     let columns = discriminator_columns(name, units);
-    let found = reader.plan().taps().iter().zip(reader.discriminators()?);
-    sink.rows(&columns, found.filter_map(|(tap, found)| Some(FoundRow { tap, found: found? })))
+    let found = reader.plan().taps().iter().zip(reader.discriminators()?).zip(reader.headers()?);
+    let rows = found.filter_map(|((tap, found), header)| {
+        let time_ns = header.map(|header| header.tap_time_ns).filter(|&time_ns| time_ns != 0);
+        Some(FoundRow { tap, found: found?, time_ns })
+    });
+    sink.rows(&columns, rows)
 }
 
 struct CellRow<'a> {
@@ -173,6 +184,8 @@ struct VerdictRow<'a> {
     second_reading_count: u32,
     /// When the first and the last tap were made, ns since the Unix epoch; `None` where their times were not recorded.
     times_ns: Option<(i64, i64)>,
+    /// The same of its first reading: the second one may wait for the other shoulder.
+    first_times_ns: Option<(i64, i64)>,
     /// The judgement and its regions; `None` if the scan is not judged.
     judged: Option<(Judgement, Vec<Region>)>,
 }
@@ -194,8 +207,8 @@ fn verdict_columns<'a>(name: Option<&str>) -> Vec<Column<VerdictRow<'a>>> {
     let mut columns = scan_columns(name, |row: &VerdictRow<'_>| row.scan);
     columns.extend([
         Column::u16("station", |row: &VerdictRow<'_>| row.scan.station),
-        Column::text("first_tap_utc", |row: &VerdictRow<'_>| utc(row.times_ns?.0)),
-        Column::text("last_tap_utc", |row: &VerdictRow<'_>| utc(row.times_ns?.1)),
+        Column::text("first_tap_utc", |row: &VerdictRow<'_>| utc(row.times_ns?.0, SECONDS)),
+        Column::text("last_tap_utc", |row: &VerdictRow<'_>| utc(row.times_ns?.1, SECONDS)),
         Column::text("verdict", |row: &VerdictRow<'_>| row.verdict.to_string()),
         Column::text("regions_deg", VerdictRow::regions_deg),
         Column::text("reasons", |row: &VerdictRow<'_>| row.reasons.to_string()),
@@ -206,7 +219,7 @@ fn verdict_columns<'a>(name: Option<&str>) -> Vec<Column<VerdictRow<'a>>> {
         Column::u32("missing_count", |row: &VerdictRow<'_>| row.counts[2]),
         Column::u32("second_reading_count", |row: &VerdictRow<'_>| row.second_reading_count),
         Column::f64("scan_s", "s", |row: &VerdictRow<'_>| {
-            row.times_ns.map(|(first, last)| (last - first) as f64 * 1e-9)
+            row.first_times_ns.map(|(first, last)| (last - first) as f64 * 1e-9)
         }),
         Column::u32("absent_count", |row: &VerdictRow<'_>| {
             row.judged.as_ref().map(|(judgement, _)| judgement.absent_count)
@@ -241,12 +254,12 @@ fn verdicts(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result
     let (geometry, ledger) = (reader.plan().geometry, reader.ledger());
     let scans = reader.plan().scans().iter().zip(reader.judgements()?).enumerate();
     let headers = reader.headers()?;
-    let times_ns = |scan: &Scan| {
-        let of_row = |&row: &u32| headers[row as usize].as_ref().map(|header| header.tap_time_ns);
-        let times_ns = || scan.taps.iter().filter_map(of_row).filter(|&time_ns| time_ns != 0);
-        Some((times_ns().min()?, times_ns().max()?))
-    };
     let is_second = |&&row: &&u32| reader.plan().taps()[row as usize].is_second_reading();
+    let times_ns = |taps: &mut dyn Iterator<Item = &u32>| {
+        let of_row = |&row: &u32| headers[row as usize].as_ref().map(|header| header.tap_time_ns);
+        let times_ns: Vec<i64> = taps.filter_map(of_row).filter(|&time_ns| time_ns != 0).collect();
+        Some((*times_ns.iter().min()?, *times_ns.iter().max()?))
+    };
     let rows = scans.map(|(number, (scan, judged))| {
         let (verdict, reasons) = reader.verdict(number, judged.as_ref());
         let taps = || scan.taps.iter().map(|&row| ledger.taps()[row as usize]);
@@ -258,17 +271,20 @@ fn verdicts(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result
             reasons,
             counts,
             second_reading_count: count(scan.taps.iter().filter(is_second).count()),
-            times_ns: times_ns(scan),
+            times_ns: times_ns(&mut scan.taps.iter()),
+            first_times_ns: times_ns(&mut scan.taps.iter().filter(|row| !is_second(row))),
             judged: judged.map(|(judgement, cells)| (judgement, regions(geometry, &cells))),
         }
     });
     sink.rows(&columns, rows)
 }
 
-/// The time `at_ns` after the Unix epoch, to the second, as spreadsheets read it.
-fn utc(at_ns: i64) -> Option<String> {
-    let time = jiff::Timestamp::from_nanosecond(at_ns.into()).ok()?;
-    Some(time.strftime("%Y-%m-%d %H:%M:%S").to_string())
+/// A time to the second, as spreadsheets read it.
+const SECONDS: &str = "%Y-%m-%d %H:%M:%S";
+
+/// The time `at_ns` after the Unix epoch in this `form`.
+fn utc(at_ns: i64, form: &str) -> Option<String> {
+    Some(jiff::Timestamp::from_nanosecond(at_ns.into()).ok()?.strftime(form).to_string())
 }
 
 /// A count of taps or arcs, of which a plan has at most `u32::MAX`.

@@ -185,6 +185,9 @@ pub(crate) enum Verb {
         /// In the second folder, use the newest results of `tapline reprocess`: it may be the same folder.
         #[arg(long)]
         results: bool,
+        /// Of folders, print only how many casings have the same numbers, and which verdicts differ.
+        #[arg(long)]
+        summary: bool,
         /// Print a line of JSON for each pair of archives.
         #[arg(long)]
         json: bool,

@@ -37,13 +37,21 @@ pub(crate) fn report(args: &ReportArgs) -> Result<bool> {
     check_folder(&folder, args.force.existing())?;
     let mut work = Work::on(&archives);
     let (mut shift, mut names, references) = (Shift::default(), BTreeSet::new(), Mutex::default());
+    let named = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    shift.unfinished = archives.unfinished.iter().map(|path| named(path)).collect();
     let pages_of = |(): &mut (), file: &ArchiveFile| Pages::of(file, args.shift_only, printed.as_ref(), &references);
     let nothing = || Ok(());
     each(&archives.files, cores(), nothing, pages_of, |file, pages| {
         work.note_done(file);
-        let Some(Pages { reader, evidence, pages }) = work.take(file, pages)? else { return Ok(()) };
+        let Some(Pages { reader, evidence, pages }) = work.take(file, pages)? else {
+            shift.left_out.push(named(&file.path));
+            return Ok(());
+        };
         // If it cannot be in the shift it has no pages either.
-        let Some(()) = work.take(file, shift.look_at(&reader, &evidence))? else { return Ok(()) };
+        let Some(()) = work.take(file, shift.look_at(&reader, &evidence))? else {
+            shift.left_out.push(named(&file.path));
+            return Ok(());
+        };
         for (tyre, page) in evidence.tyres.iter().zip(pages) {
             let name = page.is_some().then(|| name_for(&mut names, tyre, &file.casing()));
             if let (Some(name), Some(page)) = (&name, page) {

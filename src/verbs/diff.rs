@@ -17,9 +17,9 @@ use crate::config::lineage::shown_value;
 use crate::verbs::explain::print;
 
 /// Prints what changed from the results at `before` to those at `after`, two files or two folders: lineage first, then numbers. Casings of
-/// folders are paired by their paths in these, because serials repeat, and only counted if their numbers are the same. `which` says
+/// folders are paired by their paths in these, because serials repeat, and only counted if nothing differs, or if `is_summary`. `which` says
 /// which files of the folder `after` are taken.
-pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> Result<bool> {
+pub(crate) fn diff(before: &Path, after: &Path, which: Which, is_summary: bool, as_json: bool) -> Result<bool> {
     if !before.is_dir() && !after.is_dir() {
         let difference = Difference::between(before, after)?;
         print(&if as_json { line_of(&difference)? } else { difference.to_string() })?;
@@ -49,10 +49,11 @@ pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> 
         };
         let Some(difference) = work.take(file, Difference::between(&file.path, &other.path))? else { continue };
         compared_count += 1;
-        same_count += usize::from(difference.is_none());
+        same_count += usize::from(difference.has_same_results());
         let of_verdicts = difference.shoulders.iter().filter_map(ShoulderDifference::verdict_change);
         changed.extend(of_verdicts.map(|change| (file.path.display().to_string(), change)));
         let text = match as_json {
+            _ if is_summary => continue,
             true => line_of(&difference)?,
             false if difference.is_none() => continue,
             false => format!("{} -> {}\n{difference}", file.path.display(), other.path.display()),
@@ -67,7 +68,7 @@ pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> 
         true => {
             let of = |(file, change): &(String, VerdictChange)| json!({ "file": file, "shoulder": change.shoulder, "before": change.before, "after": change.after });
             let of_all = json!({
-                "kind": "summary", "compared": compared_count, "same": same_count,
+                "kind": "summary", "compared": compared_count, "same": same_count, "changes": ways(&changed),
                 "verdicts_differ": changed.iter().map(of).collect::<Vec<_>>(),
             });
             format!("{of_all}\n")
@@ -77,11 +78,22 @@ pub(crate) fn diff(before: &Path, after: &Path, which: Which, as_json: bool) -> 
             let same = counted(same_count, "has the same numbers", "have the same numbers");
             let verdicts = counted(changed.len(), "verdict differs", "verdicts differ");
             let lines: String = changed.iter().map(|(file, change)| format!("{file}: {change}\n")).collect();
-            format!("{casings} compared: {same}, {verdicts}\n{lines}")
+            let ways: Vec<String> = ways(&changed).into_iter().map(|(way, count)| format!("{count} {way}")).collect();
+            let ways = if ways.is_empty() { String::new() } else { format!(": {}", ways.join(", ")) };
+            format!("{casings} compared: {same}, {verdicts}{ways}\n{lines}")
         }
     };
     work.beside(|| print(&text))?;
     work.end()
+}
+
+/// How many verdicts changed in each way, as `PASS -> REJECT`.
+fn ways(changed: &[(String, VerdictChange)]) -> BTreeMap<String, usize> {
+    let mut ways = BTreeMap::new();
+    for (_, VerdictChange { before, after, .. }) in changed {
+        *ways.entry(format!("{before} -> {after}")).or_default() += 1;
+    }
+    ways
 }
 
 fn line_of(difference: &Difference) -> Result<String> {
@@ -125,6 +137,9 @@ struct ShoulderDifference {
     verdict_after: Option<String>,
     reasons_before: Option<String>,
     reasons_after: Option<String>,
+    /// How far its strongest arc stands out, and from where on it is inspected again, and rejected.
+    arc_and_limits_before: Option<[f64; 3]>,
+    arc_and_limits_after: Option<[f64; 3]>,
     /// Locations whose damage index differs.
     locations_differ: usize,
     /// How many of them have an index in only one of the two.
@@ -138,6 +153,7 @@ impl ShoulderDifference {
     fn is_none(&self) -> bool {
         self.verdict_before == self.verdict_after
             && self.reasons_before == self.reasons_after
+            && same_bits(self.arc_and_limits_before, self.arc_and_limits_after)
             && self.locations_differ == 0
     }
 
@@ -201,11 +217,14 @@ impl Difference {
         })
     }
 
-    /// Whether no number and no verdict differs.
+    /// Whether nothing differs but what made it.
     fn is_none(&self) -> bool {
-        self.is_raw_same
-            && self.is_recorded_alike
-            && self.taps_alone == 0
+        self.is_raw_same && self.is_recorded_alike && self.has_same_results()
+    }
+
+    /// Whether no number and no verdict differs, wherever and whenever the taps were made.
+    fn has_same_results(&self) -> bool {
+        self.taps_alone == 0
             && self.flags_differ == 0
             && self.discriminators.iter().all(|discriminator| discriminator.differ == 0)
             && self.shoulders.iter().all(ShoulderDifference::is_none)
@@ -260,6 +279,8 @@ impl ShoulderDifference {
             })
         };
         let reasons = |judged: Option<&Judged>| judged.map(|(judgement, _)| judgement.reasons.to_string());
+        let arc_and_limits =
+            |judged: Option<&Judged>| judged.map(|(of, _)| [of.strongest_arc, of.limit_re_inspect, of.limit_reject]);
         let cells = |judged: Option<&Judged>| judged.map(|(_, cells)| cells.clone()).unwrap_or_default();
         let (cells_a, cells_b) = (cells(a), cells(b));
         let indices = cells_a.iter().zip(&cells_b).map(|(a, b)| (a.damage_index, b.damage_index));
@@ -270,11 +291,17 @@ impl ShoulderDifference {
             verdict_after: verdict(b),
             reasons_before: reasons(a),
             reasons_after: reasons(b),
+            arc_and_limits_before: arc_and_limits(a),
+            arc_and_limits_after: arc_and_limits(b),
             locations_differ,
             locations_absent,
             index_max,
         }
     }
+}
+
+fn same_bits(a: Option<[f64; 3]>, b: Option<[f64; 3]>) -> bool {
+    a.map(|a| a.map(f64::to_bits)) == b.map(|b| b.map(f64::to_bits))
 }
 
 /// How many of the `indices` of two archives differ, how many of them only one has, and the largest other difference.
@@ -351,6 +378,14 @@ impl fmt::Display for ShoulderDifference {
         {
             write!(f, ", reasons {was} -> {is}")?;
         }
+        if let (Some(was), Some(is)) = (self.arc_and_limits_before, self.arc_and_limits_after) {
+            let names = ["strongest arc", "re-inspect limit", "reject limit"];
+            for ((name, was), is) in
+                names.into_iter().zip(was).zip(is).filter(|((_, was), is)| was.to_bits() != is.to_bits())
+            {
+                write!(f, ", {name} {was:.2} -> {is:.2}")?;
+            }
+        }
         let locations = counted(self.locations_differ, "location", "locations");
         match self.index_max {
             None if self.locations_differ == 0 => f.write_str(", index the same"),
@@ -380,6 +415,8 @@ mod tests {
             verdict_after: Some("PASS".to_owned()),
             reasons_before: None,
             reasons_after: None,
+            arc_and_limits_before: Some([3.0, 5.0, 7.0]),
+            arc_and_limits_after: Some([3.0, 5.0, 7.0]),
             locations_differ,
             locations_absent,
             index_max,
@@ -393,6 +430,9 @@ mod tests {
         ] {
             assert!(difference.to_string().ends_with(words), "{difference}");
         }
+        let narrower = ShoulderDifference { arc_and_limits_after: Some([3.0, 4.5, 7.0]), ..of(0, 0, None) };
+        assert!(!narrower.is_none() && of(0, 0, None).is_none());
+        assert_eq!(narrower.to_string(), "PASS, re-inspect limit 5.00 -> 4.50, index the same");
         let rejected = ShoulderDifference { verdict_after: Some("REJECT".to_owned()), ..of(0, 0, None) };
         assert_eq!(rejected.verdict_change().map(|change| change.to_string()).as_deref(), Some("T/1 PASS -> REJECT"));
         let unjudged = ShoulderDifference { verdict_before: None, ..of(0, 0, None) };

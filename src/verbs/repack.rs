@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
 use serde_json::json;
+use tapline_host::messages::say;
 use tapline_host::signals::note_folder;
 use tapline_host::stdout::Stdout;
-use tapline_store::{Codec, Repacked};
+use tapline_store::{Codec, Reader, Repacked};
 
 use crate::archives::work::Work;
 use crate::archives::{Archives, Which};
@@ -23,6 +24,11 @@ pub(crate) fn repack(paths: &[PathBuf], codec: Codec, out: &Path, as_json: bool)
             fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
         }
         work.begin(file);
+        if archives.is_many && is_there(&file.path, &to, codec) {
+            let there = format!("{} is there already", to.display());
+            work.beside(|| say(&there));
+            continue;
+        }
         note_folder(&to);
         let repacked = tapline_store::repack(&file.path, &to, codec, |part| work.note_part(part));
         if let Some(repacked) = work.take(file, repacked)? {
@@ -30,6 +36,16 @@ pub(crate) fn repack(paths: &[PathBuf], codec: Codec, out: &Path, as_json: bool)
         }
     }
     work.end()
+}
+
+/// Whether `to` is a copy of `archive` with this codec, which an earlier run has made.
+fn is_there(archive: &Path, to: &Path, codec: Codec) -> bool {
+    let of = |path: &Path| {
+        let reader = Reader::open(path).ok()?;
+        Some((reader.raw_digest().ok()?, reader.lineage_key().ok()?, reader.codec()))
+    };
+    let copy = of(to).filter(|(.., of_copy)| *of_copy == codec);
+    copy.zip(of(archive)).is_some_and(|(copy, archive)| (copy.0, copy.1) == (archive.0, archive.1))
 }
 
 fn print(archive: &Path, out: &Path, repacked: &Repacked, as_json: bool) -> Result<()> {

@@ -3,7 +3,7 @@
 //! The archive is never changed. The results go to a file beside it, named after their lineage, which every other verb reads
 //! like an archive.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -261,27 +261,39 @@ fn make(task: &Task, asked: &Asked) -> Result<Made> {
         ..task.config_toml.as_str().into()
     };
     let mut writer = Writer::results(&task.out, (reader.path(), task.raw_digest), plan, lineage)?;
-    let settled_before = settled(&writer);
+    let made = fill(task, asked, &mut writer, &mut fusion).and_then(|made| {
+        writer.finish()?;
+        Ok(made)
+    });
+    if made.is_err() {
+        // Of an archive that cannot be read to its end nobody could finish the results, which the other verbs would stumble over.
+        drop(fs::remove_file(&task.out));
+    }
+    made
+}
+
+/// Fills `writer` with the results of `task`.
+fn fill(task: &Task, asked: &Asked, writer: &mut Writer, fusion: &mut Fusion) -> Result<Made> {
+    let reader = &task.reader;
+    let settled_before = settled(writer);
     let is_old = of_discriminators(reader.made_by()) == of_discriminators(&task.made_by) && !asked.from_samples;
     let how = if is_old { "from its discriminators" } else { "from its samples" };
     tracing::info!("judging {} again {how}, into {}", reader.path().display(), task.out.display());
-    refuse(reader, &mut writer)?;
+    refuse(reader, writer)?;
     if is_old {
         for found in reader.discriminators()?.into_iter().flatten() {
-            put(&mut writer, &found)?;
+            put(writer, &found)?;
         }
     } else {
-        extract(&reader.taps()?, &task.config.process, &mut writer, asked.jobs)?;
+        extract(&reader.taps()?, &task.config.process, writer, asked.jobs)?;
     }
-    judge(reader, &mut writer, &mut fusion)?;
-    let made = Made {
+    judge(reader, writer, fusion)?;
+    Ok(Made {
         is_complete: writer.is_complete(),
         is_newest: true,
-        tap_count: settled(&writer) - settled_before,
+        tap_count: settled(writer) - settled_before,
         is_from_samples: !is_old,
-    };
-    writer.finish()?;
-    Ok(made)
+    })
 }
 
 /// Prints where the results of an archive are.

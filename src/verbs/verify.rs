@@ -1,5 +1,6 @@
 //! `tapline verify`: checks that archives are complete and unaltered.
 
+use std::collections::BTreeSet;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -8,7 +9,7 @@ use serde_json::{Value, json};
 use tapline_host::colour::Colour;
 use tapline_host::messages::counted;
 use tapline_host::stdout::Stdout;
-use tapline_store::{Error, Report};
+use tapline_store::{Error, Reader, Report, hex_of};
 use tapline_wire::TapState;
 
 use crate::archives::work::Work;
@@ -123,7 +124,11 @@ fn print(archive: &Path, checked: tapline_store::Result<Report>, as_json: bool) 
         let is_named = problem.contains(&file);
         writeln!(out, "{}{problem}", if is_named { String::new() } else { format!("{file}: ") })?;
     }
-    let judged = if report.is_judged() { "all scans judged" } else { "scans without a verdict" };
+    let judged = match found {
+        _ if report.is_judged() => "all scans judged",
+        Found::Damaged => "scans without a valid verdict",
+        Found::Complete | Found::Incomplete => "scans without a verdict",
+    };
     let state = match found {
         Found::Complete => Colour::Good.on_stdout("complete"),
         Found::Incomplete if !report.is_finished => Colour::Doubtful.on_stdout("NOT FINISHED"),
@@ -132,17 +137,36 @@ fn print(archive: &Path, checked: tapline_store::Result<Report>, as_json: bool) 
     };
     writeln!(
         out,
-        "{file}: {state}: {archived} archived, {refused} refused, {missing} missing; {judged}; {}",
-        counted(problems.len(), "problem", "problems")
+        "{file}: {state}: {archived} archived, {refused} refused, {missing} missing; {judged}; {}{}",
+        counted(problems.len(), "problem", "problems"),
+        identity(archive).map_or_else(String::new, |[casing, raw, lineage]| format!(
+            "; casing {casing}, taps {}, results {}",
+            &raw[..12],
+            &lineage[..lineage.len().min(12)]
+        ))
     )?;
     Ok(found)
+}
+
+/// Whose casing the archive is of, whatever the name of its file, the digest of its taps, and the key of its results: to be compared with what
+/// was written down before.
+fn identity(archive: &Path) -> Option<[String; 3]> {
+    let reader = Reader::open_unfinished(archive).ok()?;
+    let casings: BTreeSet<&str> = reader.plan().scans().iter().map(|scan| scan.tyre.as_str()).collect();
+    let casings = casings.into_iter().collect::<Vec<_>>().join(" and ");
+    Some([casings, hex_of(&reader.raw_digest().ok()?), reader.lineage_key().ok()?])
 }
 
 /// As JSON; without a report if the archive cannot be read.
 fn json_of(archive: &Path, report: Option<&Report>, problems: &[String]) -> Value {
     let count = |state| report.map(|report| report.ledger.count(state));
+    let identity = report.and_then(|_| identity(archive));
+    let [casing, raw_digest, lineage] = [0, 1, 2].map(|k| identity.as_ref().map(|identity| &identity[k]));
     json!({
         "archive": archive.display().to_string(),
+        "casing": casing,
+        "raw_digest": raw_digest,
+        "lineage": lineage,
         "plan_digest": report.map(|report| format!("{:016x}", report.plan_digest)),
         "archived": count(TapState::Archived),
         "refused": count(TapState::Refused),

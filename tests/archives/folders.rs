@@ -156,7 +156,7 @@ fn a_damaged_file_among_many_is_named_and_the_others_are_done() {
     bytes.pop();
     fs::write(&path, bytes).unwrap();
     let said = sandbox.run("verify out/SIM-0003.h5").expect(3).out;
-    assert!(said.contains("its end was changed") && said.contains("; 1 problem\n"), "{said}");
+    assert!(said.contains("its end was changed") && said.contains("; 1 problem; casing SIM-0003, "), "{said}");
     // The verb fails if it is the only file.
     sandbox.run("export out/SIM-0002.h5 verdicts").expect(1);
 }
@@ -191,6 +191,11 @@ fn results_are_taken_when_they_are_asked_for() {
         assert!(changed.contains(&format!("\n{file}: {shoulder} {before} -> {after}\n")), "{change} {changed}");
     }
     assert!(changed.contains(&format!("0 have the same numbers, {} verdict", listed.len())), "{changed} {summary}");
+    let ways: u64 = summary["changes"].as_object().unwrap().values().map(|count| count.as_u64().unwrap()).sum();
+    assert_eq!(ways, listed.len() as u64, "{summary}");
+    assert!(changed.contains(", re-inspect limit ") && changed.contains(", strongest arc "), "{changed}");
+    let end = sandbox.run("diff out out --results --summary").expect(0).out;
+    assert!(end.starts_with("3 casings compared: ") && changed.ends_with(&end), "{end}");
     // The archives of results that are the only ones here have another name.
     fs::create_dir(sandbox.path("renamed")).unwrap();
     fs::copy(sandbox.path("out/SIM-0001.h5"), sandbox.path("renamed/FIRST.h5")).unwrap();
@@ -234,7 +239,9 @@ fn a_page_of_a_shift_is_of_all_days() {
     }
     sandbox.run("report day --out pages").expect(0);
     let shift = text(&sandbox.path("pages/shift.html"));
-    assert!(shift.contains("SIM-0001") && shift.contains("SIM-0002") && !shift.contains("SIM-0003"));
+    assert!(shift.contains("SIM-0001") && shift.contains("SIM-0002"));
+    assert!(shift.contains("1 archive is not finished and is left out</strong>: SIM-0003.h5."));
+    assert_eq!(shift.matches("SIM-0003").count(), 1);
     let checked = sandbox.run("verify day").expect(3);
     assert!(checked.out.contains("day/open/SIM-0003.h5: NOT FINISHED"), "{checked:?}");
     let rows = csv_rows(&sandbox.run("export day verdicts").expect(0).out);

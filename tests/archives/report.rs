@@ -33,6 +33,10 @@ station = 2
 reference = "self"
 "#;
 
+/// Few taps.
+const SHORT: &str =
+    "[scan]\nlocations = 24\noffsets_mm = [0.0]\nvelocities_m_per_s = [1.85]\nrepetitions = 1\nconfirm = false\n";
+
 const CRACKED: &str = "tyre-_script___x_.html";
 const SOUND: &str = "tyre-.._B_2.html";
 
@@ -113,6 +117,45 @@ fn a_folder_is_a_shift() {
     let alone = page(&sandbox, "alone/shift.html");
     assert!(alone.contains("REJECT") && !alone.contains(CRACKED) && !alone.contains("<a href=\"tyre-"));
     assert_eq!(fs::read_dir(sandbox.path("alone")).unwrap().count(), 1);
+}
+
+/// Catches an operator, a plant or a reference of one archive that stands for all, in the order in which they are named; archives that
+/// are left out without a word; and a shoulder that did not pass, and nobody learns why.
+#[test]
+fn a_shift_says_what_differs_and_what_it_lacks() {
+    let sandbox = Sandbox::new();
+    for (name, operator) in [("a", "A. Smith"), ("b", "B. Jones")] {
+        let casing = format!("[[scan.tyre]]\nserial = \"{name}\"\ncrack = []\n[fuse]\nreference = \"self\"\n");
+        let printed = format!("[report]\nplant = \"North\"\noperator = \"{operator}\"\n");
+        let scan = format!("{SHORT}{casing}{printed}");
+        sandbox.write("scan.toml", &scan);
+        sandbox.run(&format!("run --config scan.toml --out {name}")).expect(0);
+    }
+    let whole = fs::read(sandbox.path("a/a.h5")).unwrap();
+    fs::write(sandbox.path("b/cut.h5"), &whole[..whole.len() / 2]).unwrap();
+    fs::create_dir_all(sandbox.path("b/open")).unwrap();
+    fs::write(sandbox.path("b/open/under-way.1.h5"), &whole[..100]).unwrap();
+    let shift = |folders: &str| {
+        sandbox.run(&format!("report {folders} --shift-only --force --out shift")).expect(3);
+        page(&sandbox, "shift/shift.html")
+    };
+    let one = shift("a b");
+    assert_eq!(one.matches("<dt>Plant</dt><dd>North</dd>").count(), 1);
+    for words in ["<strong>1 tyre: </strong>A. Smith", "<strong>1 tyre: </strong>B. Jones", "cut.h5", "under-way.1.h5"]
+    {
+        assert!(one.contains(words), "{words}");
+    }
+    let list = |page: &str| page.split("<dt>Plant</dt>").nth(1).unwrap().split("</dl>").next().unwrap().to_owned();
+    assert_eq!(list(&one), list(&shift("b a")));
+    sandbox.run("report a --shift-only --out alone").expect(0);
+    let alone = page(&sandbox, "alone/shift.html");
+    assert!(alone.contains("<dt>Operator</dt><dd>A. Smith</dd>") && !alone.contains("left out"));
+    // A crack of the default tyre, and no cracked one at the other station.
+    sandbox.write("cracked.toml", &format!("{SHORT}[fuse]\nreference = \"self\"\n"));
+    sandbox.run("run --config cracked.toml --stations 2 --out cracked").expect(0);
+    sandbox.run("report cracked --shift-only --out why").expect(0);
+    let why = page(&sandbox, "why/shift.html");
+    assert!(why.contains("1: REJECT (damage)") && why.contains("<td><code>damage</code></td>"), "{why}");
 }
 
 fn assert_stand_alone(pages: &BTreeMap<String, String>) {

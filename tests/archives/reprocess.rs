@@ -178,8 +178,11 @@ fn another_index_needs_no_samples() {
         file.write_all_at(&vec![0; usize::try_from(size).unwrap()], start).unwrap();
     }
     assert!(whole.0.contains("REJECT") && judged() == whole);
+    // Results that cannot be finished are not left for the other verbs.
+    let before = names(&sandbox.path("."));
     let refused = sandbox.run("reprocess run.h5 --from-samples");
     assert!(refused.code == Some(1) && refused.err.contains(": its samples "), "{}", refused.err);
+    assert_eq!(names(&sandbox.path(".")), before);
 }
 
 /// Catches work that is lost or repeated when reprocessing is killed, and an incomplete file that passes for a complete

@@ -109,8 +109,8 @@ fn a_run_finds_the_crack_and_passes_the_sound_tyre() {
         let header = |what: &str| table(casing, what).lines().next().unwrap().to_owned();
         assert_eq!(
             header("discriminators"),
-            "station,tyre,shoulder,offset_mm,velocity_m_per_s,location,angle_deg,repetition,attempt,\
-             f_max,tau_s,a_1,a_2,pr,p_f,e_f,centroid_hz,quality,force_unit,sound_unit"
+            "station,tyre,shoulder,offset_mm,velocity_m_per_s,location,angle_deg,repetition,attempt,purpose,tap_utc,\
+             velocity_measured_m_per_s,f_max,tau_s,a_1,a_2,pr,p_f,e_f,centroid_hz,quality,force_unit,sound_unit"
         );
         assert_eq!(header("damage"), "tyre,shoulder,location,angle_deg,damage_index,first_index,p_value");
         let report = sandbox.run(&format!("verify run/{casing}.h5 --json")).json(0);

@@ -46,8 +46,7 @@ impl Fusion {
         }
         let scans = self.plan.scans();
         if self.plan.geometry == Geometry::Ring {
-            let is_coarse = self.set.as_ref().is_some_and(|set| set.is_coarse(&scans[scan].locations));
-            if is_coarse || !(self.rings[scan].is_whole() && self.has_whole_turns(scan)) {
+            if self.is_coarse(scan) || !(self.rings[scan].is_whole() && self.has_whole_turns(scan)) {
                 reasons.insert(Reasons::LOCATION_BLIND);
             }
             if scans.iter().filter(|of| of.tyre == scans[scan].tyre).count() == 1 {
@@ -69,6 +68,16 @@ impl Fusion {
             reasons.insert(Reasons::CONDITION_UNKNOWN);
         }
         reasons
+    }
+
+    /// Whether the ring of scan number `scan` leaves more between its locations than the reference's or its casing's longest one: there are
+    /// fewer than half as many, or fewer without angles, of which only the other ring shows whether they go around.
+    fn is_coarse(&self, scan: usize) -> bool {
+        let located = &self.plan.scans()[scan].locations;
+        let of_casing = self.groups.casing(scan).iter().map(|&scan| self.plan.scans()[scan].locations.len());
+        let most = self.set.as_ref().map_or(0, |set| set.ring_length()).max(of_casing.max().unwrap_or(0));
+        let has_angles = located.iter().all(|(_, angle)| angle.is_some_and(f64::is_finite));
+        2 * located.len() < most || !has_angles && located.len() < most
     }
 
     /// Whether two taps of the casing of scan number `scan`, one of them of that scan, have the same values, and no fewer than

@@ -130,7 +130,10 @@ impl ReferenceSet {
         }
         let now = set.digest_now();
         if now != set.digest {
-            return Err(refuse(format!("it was changed: its digest is {}, but its content has {now}", set.digest)));
+            return Err(refuse(format!(
+                "it was changed, or made by another version of the program: its digest is {}, but its content has {now}",
+                set.digest
+            )));
         }
         if let Some(fault) = set.shoulders.iter().find_map(KnownShoulder::fault) {
             return Err(refuse(fault));
@@ -217,12 +220,9 @@ impl ReferenceSet {
         Ok(())
     }
 
-    /// Whether a ring of the locations `located`, with their angles, leaves more between them than the reference's: there are fewer than
-    /// half as many, or fewer without angles, of which only the reference can say whether they go around.
-    pub(crate) fn is_coarse(&self, located: &[(u32, Option<f64>)]) -> bool {
-        let known_count = self.largest_ring().map_or(0, |known| known.locations.len());
-        let has_angles = located.iter().all(|(_, angle)| angle.is_some_and(f64::is_finite));
-        2 * located.len() < known_count || !has_angles && located.len() < known_count
+    /// How many locations its longest ring has.
+    pub(crate) fn ring_length(&self) -> usize {
+        self.largest_ring().map_or(0, |known| known.locations.len())
     }
 
     /// Whether each of its casings has more than one shoulder.

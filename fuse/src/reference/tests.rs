@@ -436,3 +436,17 @@ fn damage_of_most_places_is_no_noise() {
         assert!(verdict == Verdict::ReInspect && reasons.contains(Reasons::SCATTER_OFF), "{seed}: {verdict} {reasons}");
     }
 }
+
+#[test]
+fn limits_far_above_those_of_noise_show_a_reference_of_cracked_casings() {
+    // Catches casings that are all cracked and call one another sound, with limits that no other crack reaches.
+    let sound = Casing { shoulder_count: 2, ..Casing::default() };
+    let cracked = Casing { cracks: vec![(1, 40..45)], shift: 4.0, ..sound.clone() };
+    let ratio = |shoulders| {
+        let summary = set_of(shoulders).summary;
+        summary.limit_re_inspect / summary.limit_of_noise.unwrap()
+    };
+    assert!(ratio(shoulders_of_all(&sound, 8)) < 1.3);
+    assert!(ratio(shoulders_of_all(&cracked, 8)) > 1.5);
+    assert_eq!(set_of(shoulders_of(&sound, 1, false, "A")).summary.limit_of_noise, None);
+}

@@ -181,54 +181,72 @@ pub(crate) fn ledger(shoulders: &[(String, &Shoulder)], refusals: &[(String, usi
     }
 }
 
-/// Who made the scan, with what, and what its verdicts are based on: rows of the list at the top.
-pub(crate) fn made_by(evidence: &Evidence) -> Markup {
+/// Who made the scan, with what, and what its verdicts are based on: name and text of each row of the list at the top. An empty text is
+/// not stated.
+pub(crate) fn made_by(evidence: &Evidence) -> [(&'static str, Markup); 6] {
     let printed = &evidence.config.report;
+    let stated = |text: &Option<String>| html! { (text.as_deref().unwrap_or_default()) };
+    [
+        ("Plant", html! { (printed.place()) }),
+        ("Operator", stated(&printed.operator)),
+        ("Procedure", stated(&printed.procedure)),
+        ("Calibration", calibration(evidence)),
+        ("Based on", based_on(evidence)),
+        ("Program", html! { "tapline " (evidence.written_by.as_deref().unwrap_or("(unknown)")) }),
+    ]
+}
+
+/// The row that says which shoulders were not compared with the reference, if there are any.
+pub(crate) fn by_itself(evidence: &Evidence) -> Markup {
+    let count = evidence.shoulders().filter(|shoulder| shoulder.reasons.contains(BY_ITS_CASING)).count();
+    html! {
+        @if count > 0 {
+            dt { "But" } dd { (counted(count, "shoulder was", "shoulders were")) " compared with the casing itself, because of scatter_off" }
+        }
+    }
+}
+
+fn calibration(evidence: &Evidence) -> Markup {
     let recording = &evidence.recording;
     html! {
-        @if !printed.place().is_empty() { dt { "Plant" } dd { (printed.place()) } }
-        @for (name, text) in [("Operator", &printed.operator), ("Procedure", &printed.procedure)] {
-            @if let Some(text) = text { dt { (name) } dd { (text) } }
+        @for (order, &channel) in recording.channels.iter().enumerate() {
+            @if order > 0 { "; " }
+            (channel.name()) " "
+            @match &recording.calibration.of(channel).certificate {
+                Some(certificate) => {
+                    "in " (recording.calibration.unit(channel).name()) ", " (certificate.method)
+                    @if let Some(until) = &certificate.valid_until { ", " (certificate.date) ", valid until " (until) }
+                }
+                None if recording.calibration.unit(channel).is_known() => { "in " (recording.calibration.unit(channel).name()) ", not calibrated" }
+                None => "not calibrated: parts of full scale (FS)",
+            }
         }
-        dt { "Calibration" } dd {
-            @for (order, &channel) in recording.channels.iter().enumerate() {
-                @if order > 0 { "; " }
-                (channel.name()) " "
-                @match &recording.calibration.of(channel).certificate {
-                    Some(certificate) => {
-                        "in " (recording.calibration.unit(channel).name()) ", " (certificate.method)
-                        @if let Some(until) = &certificate.valid_until { ", " (certificate.date) ", valid until " (until) }
-                    }
-                    None if recording.calibration.unit(channel).is_known() => { "in " (recording.calibration.unit(channel).name()) ", not calibrated" }
-                    None => "not calibrated: parts of full scale (FS)",
+    }
+}
+
+fn based_on(evidence: &Evidence) -> Markup {
+    let printed = &evidence.config.report;
+    html! {
+        @match (&evidence.config.fuse.reference, &evidence.reference) {
+            (Some(Reference::Own), _) => "only itself: damage all round would not show",
+            (Some(reference), Some(set)) => {
+                (reference) ", " (counted(set.summary.casing_count, "casing", "casings")) " taken to be sound"
+                @if !set.summary.standing_out.is_empty() {
+                    " (" (set.summary.standing_out.join(", ")) ": stands out from the others and may be cracked)"
+                }
+                @match set.summary.supported_rate {
+                    Some(rate) => { ", which support a rate of false calls of " (percent(rate)) " %" }
+                    None => ", which supports no rate of false calls",
                 }
             }
+            (Some(reference), None) => (reference),
+            (None, _) => "no named reference",
         }
-        dt { "Based on" } dd {
-            @match (&evidence.config.fuse.reference, &evidence.reference) {
-                (Some(Reference::Own), _) => "only itself: damage all round would not show",
-                (Some(reference), Some(set)) => {
-                    (reference) ", " (counted(set.summary.casing_count, "casing", "casings")) " taken to be sound"
-                    @if !set.summary.standing_out.is_empty() {
-                        " (" (set.summary.standing_out.join(", ")) ": stands out from the others and may be cracked)"
-                    }
-                    @match set.summary.supported_rate {
-                        Some(rate) => { ", which support a rate of false calls of " (percent(rate)) " %" }
-                        None => ", which supports no rate of false calls",
-                    }
-                }
-                (Some(reference), None) => (reference),
-                (None, _) => "no named reference",
-            }
-            @let by_itself = evidence.shoulders().filter(|shoulder| shoulder.reasons.contains(BY_ITS_CASING)).count();
-            @if by_itself > 0 { "; but " (counted(by_itself, "shoulder was", "shoulders were")) " compared with the casing itself, because of scatter_off" }
-            @match (printed.a90_95_mm, &printed.a90_95_source) {
-                (Some(mm), Some(source)) => { ". Of cracks of " (number(mm)) " mm or longer, 90 % are found, with 95 % confidence (" (source) ")" }
-                _ => { ". The smallest crack that is reliably found is not known (" code { "tapline-lab pod" } " estimates it)" }
-            }
-            "."
+        @match (printed.a90_95_mm, &printed.a90_95_source) {
+            (Some(mm), Some(source)) => { ". Of cracks of " (number(mm)) " mm or longer, 90 % are found, with 95 % confidence (" (source) ")" }
+            _ => { ". The smallest crack that is reliably found is not known (" code { "tapline-lab pod" } " estimates it)" }
         }
-        dt { "Program" } dd { "tapline " (evidence.written_by.as_deref().unwrap_or("(unknown)")) }
+        "."
     }
 }
 

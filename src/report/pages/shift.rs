@@ -1,13 +1,14 @@
 //! The page of a shift: all tyres, the worst first.
 
-use std::collections::BTreeMap;
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::Result;
-use maud::{Markup, html};
+use maud::{Markup, PreEscaped, html};
 use tapline_fuse::{Fusion, Score, ScorePool};
 use tapline_host::messages::counted;
 use tapline_store::Reader;
-use tapline_wire::{Discriminator, Verdict};
+use tapline_wire::{Discriminator, Reasons, Verdict};
 
 use crate::report::evidence::{Evidence, Shoulder, Tyre};
 use crate::report::figures::{boxes, rounds, scale};
@@ -29,6 +30,11 @@ pub(crate) struct Shift {
     /// File names of the tyres' pages; `None` for one that has none.
     names: Vec<Option<String>>,
     refusals: BTreeMap<String, usize>,
+    /// For each row of the list at the top its texts, each with the number of tyres that it holds for.
+    made_by: BTreeMap<(usize, &'static str), BTreeMap<String, usize>>,
+    /// Archives that could not be read, and files of casings that are not finished.
+    pub(crate) left_out: Vec<String>,
+    pub(crate) unfinished: Vec<String>,
     scores: ScorePool,
     /// Whether anything has a score.
     is_scored: bool,
@@ -40,6 +46,10 @@ impl Shift {
         let refusals = reader.refusals()?;
         for refusal in refusals {
             *self.refusals.entry(refusal.reason).or_default() += 1;
+        }
+        for (place, (name, text)) in page::made_by(evidence).into_iter().enumerate() {
+            let texts = self.made_by.entry((place, name)).or_default();
+            *texts.entry(text.into_string()).or_default() += evidence.tyres.len();
         }
         if evidence.has_truth {
             // The score that a run prints at its end. There is none if the configuration does not fit the plan.
@@ -65,26 +75,28 @@ impl Shift {
     }
 
     /// The page, called `title`, or named after the archive if that is empty; `None` if there is nothing to show.
-    pub(crate) fn page(self, title: String, shift: Option<&str>) -> Result<Option<String>> {
-        let Some(mut evidence) = self.evidence else { return Ok(None) };
+    pub(crate) fn page(mut self, title: String, shift: Option<&str>) -> Result<Option<String>> {
+        let Some(mut evidence) = self.evidence.take() else { return Ok(None) };
         if !title.is_empty() {
             evidence.archive = title;
         }
-        let score = self.is_scored.then(|| self.scores.score());
-        page(&evidence, &self.names, &page::frequent_first(self.refusals), score, shift).map(Some)
+        page(&self, &evidence, shift).map(Some)
+    }
+
+    /// The text that the row `name` has for every tyre; `None` if it differs.
+    fn only(&self, name: &str) -> Option<&str> {
+        let texts = self.made_by.iter().find(|((_, of), _)| *of == name).map(|(_, texts)| texts)?;
+        texts.keys().next().filter(|text| texts.len() == 1 && !text.is_empty()).map(String::as_str)
     }
 }
 
-/// The page of `evidence`; `names` are the file names of its tyres' pages.
-fn page(
-    evidence: &Evidence,
-    names: &[Option<String>],
-    refusals: &[(String, usize)],
-    score: Option<Score>,
-    shift: Option<&str>,
-) -> Result<String> {
+/// The page of `evidence`, which is that of all tyres of `of`.
+fn page(of: &Shift, evidence: &Evidence, shift: Option<&str>) -> Result<String> {
+    let Shift { names, left_out, unfinished, .. } = of;
+    let refusals = &page::frequent_first(of.refusals.clone());
+    let score = of.is_scored.then(|| of.scores.score());
     let shift = shift.map(|name| format!("shift {name}"));
-    let place = Some(evidence.config.report.place()).filter(|place| !place.is_empty());
+    let place = of.only("Plant").map(|_| evidence.config.report.place());
     let name = match (place, shift) {
         (None, None) => evidence.archive.clone(),
         (place, shift) => place.into_iter().chain(shift).collect::<Vec<_>>().join(", "),
@@ -109,6 +121,8 @@ fn page(
             p class="kind" { "tapline, report on a shift" }
             h1 { (name) }
             (page::notices(evidence, &named, refusals))
+            (absent("could not be read and is left out", "could not be read and are left out", left_out))
+            (absent("is not finished and is left out", "are not finished and are left out", unfinished))
             (rigs.notice())
             dl {
                 dt { "Tapped" } dd { (page::when(taps())) }
@@ -117,16 +131,18 @@ fn page(
                         (evidence.tyres.iter().filter(|tyre| tyre.verdict() == verdict).count()) " " (verdict_word(verdict)) " \u{a0} "
                     }
                 }
-                (page::made_by(evidence))
+                (rows(&of.made_by))
+                (page::by_itself(evidence))
             }
         }
         (overview(evidence, &order))
+        (why(evidence))
         (rigs.section(evidence)?)
         (indices(evidence, &order)?)
         (truth(evidence, score)?)
         section { h2 { "Taps" } (page::ledger(&named, refusals)) }
         section { h2 { "Lineage" } (page::lineage(evidence)) }
-        (paper::signature(evidence.config.report.operator.as_deref()))
+        (paper::signature(of.only("Operator").and(evidence.config.report.operator.as_deref())))
     };
     let paper = Paper {
         top_left: format!("Shift: {name}"),
@@ -134,6 +150,74 @@ fn page(
         bottom_left: format!("tapped {}", page::when(taps())),
     };
     Ok(page::page(&format!("Shift {name}"), &paper, &body))
+}
+
+/// Names the `files` that are not on the page, if there are any.
+fn absent(one: &str, several: &str, files: &[String]) -> Markup {
+    // Nobody would read a longer list.
+    let shown = &files[..files.len().min(8)];
+    html! {
+        @if !files.is_empty() {
+            div class="notice" role="note" { p {
+                strong { (counted(files.len(), "archive", "archives")) " " (if files.len() == 1 { one } else { several }) } ": " (shown.join(", "))
+                @if files.len() > shown.len() { " and " (files.len() - shown.len()) " more" } "."
+            } }
+        }
+    }
+}
+
+/// The rows of the list at the top: a text that does not hold for all tyres with their number.
+fn rows(made_by: &BTreeMap<(usize, &'static str), BTreeMap<String, usize>>) -> Markup {
+    html! {
+        @for ((_, name), texts) in made_by {
+            @match texts.iter().next() {
+                Some((text, _)) if texts.len() == 1 => @if !text.is_empty() { dt { (name) } dd { (PreEscaped(text)) } },
+                _ => {
+                    dt { (name) } dd { @for (text, count) in texts {
+                        strong { (counted(*count, "tyre", "tyres")) ": " } (PreEscaped(if text.is_empty() { "not stated" } else { text })) br;
+                    } }
+                }
+            }
+        }
+    }
+}
+
+/// How many shoulders did not pass for each reason, at each station.
+fn why(evidence: &Evidence) -> Markup {
+    let mut counts: BTreeMap<&str, BTreeMap<u16, usize>> = BTreeMap::new();
+    for shoulder in evidence.shoulders() {
+        for (reason, _) in against_pass(shoulder) {
+            *counts.entry(reason).or_default().entry(shoulder.station).or_default() += 1;
+        }
+    }
+    if counts.is_empty() {
+        return html! {};
+    }
+    let stations: BTreeSet<u16> = evidence.shoulders().map(|shoulder| shoulder.station).collect();
+    let of = |station: u16| evidence.shoulders().filter(move |shoulder| shoulder.station == station);
+    let passed = |station: u16| of(station).filter(|shoulder| shoulder.verdict == Verdict::Pass).count();
+    let mut rows: Vec<_> = counts.into_iter().collect();
+    rows.sort_by_key(|(_, counts)| Reverse(counts.values().sum::<usize>()));
+    html! {
+        section { h2 { "Why shoulders did not pass" }
+            div class="scroll" { table {
+                thead { tr { th { "reason" } th { "meaning" } @for station in &stations { th class="n" { "station " (station) } } } }
+                tbody {
+                    @for (reason, counts) in rows { tr {
+                        td { code { (reason) } } td { (Reasons::named(reason).meaning()) }
+                        @for station in &stations { td class="n" { (counts.get(station).copied().unwrap_or(0)) } }
+                    } }
+                    tr { th { "passed" } th {} @for &station in &stations { th class="n" { (passed(station)) " of " (of(station).count()) } } }
+                }
+            } }
+        }
+    }
+}
+
+/// The reasons for which `shoulder` did not pass, by name and meaning: no remarks.
+fn against_pass(shoulder: &Shoulder) -> Vec<(&'static str, Reasons)> {
+    let reasons = shoulder.reasons.difference(Reasons::REMARKS);
+    Reasons::ALL.iter().filter(|(flag, _)| reasons.contains(*flag)).map(|&(flag, name)| (name, flag)).collect()
 }
 
 fn overview(evidence: &Evidence, order: &[(&Tyre, &Option<String>)]) -> Markup {
@@ -155,7 +239,10 @@ fn overview(evidence: &Evidence, order: &[(&Tyre, &Option<String>)]) -> Markup {
                 td data-label="tapped" { (tapped_at(tyre)) }
                 td data-label="verdict" { (verdict_word(tyre.verdict())) }
                 td data-label={ "by " (side(geometry)) } { @for shoulder in &tyre.shoulders {
-                    (shoulder.number) ": " (shoulder.verdict) @if !shoulder.regions.is_empty() { ", " (places(shoulder.regions.iter().map(DamageArc::from))) } " " br;
+                    (shoulder.number) ": " (shoulder.verdict)
+                    @let why = against_pass(shoulder);
+                    @if !why.is_empty() { " (" (why.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ")) ")" }
+                    @if !shoulder.regions.is_empty() { ", " (places(shoulder.regions.iter().map(DamageArc::from))) } " " br;
                 } }
                 td class="n" data-label="regions" { (tyre.shoulders.iter().map(|shoulder| shoulder.regions.len()).sum::<usize>()) }
                 td class="n" data-label="strongest arc" { (tyre.strongest_arc().map_or_else(|| "none".to_owned(), |arc| format!("{arc:.2}"))) }

@@ -34,7 +34,8 @@ pub(crate) fn page(reader: &Reader, evidence: &Evidence, tyre: &Tyre) -> Result<
                 dt { "Tapped" } dd { (page::when(tyre.taps())) }
                 dt { "Station" } dd { (stations.join(", ")) }
                 dt { "Taps" } dd { (archived) " of " (tyre.taps().count()) }
-                (page::made_by(evidence))
+                @for (name, text) in page::made_by(evidence).into_iter().filter(|(_, text)| !text.0.is_empty()) { dt { (name) } dd { (text) } }
+                (page::by_itself(evidence))
             }
         }
         (marks::verdicts(geometry, tyre))

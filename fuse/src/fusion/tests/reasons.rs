@@ -177,6 +177,14 @@ fn a_part_of_the_reference_ring_is_no_pass() {
     assert!(is_blind(false, &|location| location < 60) && is_blind(false, &|location| location.is_multiple_of(2)));
     assert!(!is_blind(true, &|location| location.is_multiple_of(2)));
     assert!(is_blind(true, &|location| location < 100 && location.is_multiple_of(3)));
+    // By itself, only the other shoulder shows that this one was cut short.
+    let cut = |id: &TapId| id.shoulder == 2 || id.location < 60;
+    let (part, left) = without(&plan, &all, cut);
+    let taps = part.taps().iter().map(|tap| PlannedTap { angle_deg: None, ..*tap }).collect();
+    let part = Plan::new(Geometry::Ring, recording(), taps, Truth::new()).unwrap();
+    let mut by_itself = whole(&FuseConfig::by(Reference::Own), &part, &left);
+    let blind = [0, 1].map(|scan| by_itself.judge(scan).unwrap().0.reasons.contains(Reasons::LOCATION_BLIND));
+    assert_eq!(blind, [true, false]);
     // Rings and lines have nothing in common.
     let line = Plan::new(Geometry::Line, recording(), plan.taps().to_vec(), Truth::new()).unwrap();
     let error = Fusion::by(&file(), &line, Some(set)).unwrap_err();
