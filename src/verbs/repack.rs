@@ -25,8 +25,16 @@ pub(crate) fn repack(paths: &[PathBuf], codec: Codec, out: &Path, as_json: bool)
         }
         work.begin(file);
         if archives.is_many && is_there(&file.path, &to, codec) {
-            let there = format!("{} is there already", to.display());
-            work.beside(|| say(&there));
+            let bytes = |path: &Path| path.metadata().map(|there| there.len()).ok();
+            let json = json!({
+                "archive": file.path.display().to_string(), "out": to.display().to_string(), "sample_bytes": null,
+                "before_bytes": bytes(&file.path), "after_bytes": bytes(&to),
+            });
+            let there = format!("{} is there already; tapline verify checks it", to.display());
+            match as_json {
+                true => work.beside(|| writeln!(Stdout, "{json}"))?,
+                false => work.beside(|| say(&there)),
+            }
             continue;
         }
         note_folder(&to);

@@ -261,11 +261,12 @@ fn make(task: &Task, asked: &Asked) -> Result<Made> {
         ..task.config_toml.as_str().into()
     };
     let mut writer = Writer::results(&task.out, (reader.path(), task.raw_digest), plan, lineage)?;
+    let is_new = settled(&writer) == 0;
     let made = fill(task, asked, &mut writer, &mut fusion).and_then(|made| {
         writer.finish()?;
         Ok(made)
     });
-    if made.is_err() {
+    if is_new && made.is_err() {
         // Of an archive that cannot be read to its end nobody could finish the results, which the other verbs would stumble over.
         drop(fs::remove_file(&task.out));
     }

@@ -100,15 +100,14 @@ impl Fusion {
             let places: Vec<usize> = ring.from(arc.start).take(arc.length).filter(|&p| is_known(offset, p)).collect();
             by_offset.entry(offset).or_default().suspects.extend(spread(&places, PLACES_MAX));
         }
-        // Places that were tapped and gave nothing, at all or at the belt edge; a shoulder with many of them has another fault.
+        // Places that gave nothing, or too little at the belt edge; a shoulder with many of them has another fault.
         if let Some(&edge) = view.fitted.statistic.offsets().first() {
-            let is_due = self.is_tapped_at(scan, compared, edge);
-            let is_blind = |place: &usize| {
-                is_due[*place] && !is_known(edge, *place) || view.maps.iter().all(|map| !has_value(&map[*place]))
-            };
+            let lacks_edge = self.lacking(scan, true);
+            let is_blind = |place: &usize| lacks_edge[*place] || view.maps.iter().all(|map| !has_value(&map[*place]));
             let blind: Vec<usize> = (0..ring.len()).filter(is_blind).collect();
             for &place in blind.iter().filter(|_| 10 * blind.len() <= ring.len()) {
-                let offset = if is_due[place] { Some(edge) } else { self.offset_tapped_at(scan, compared, place) };
+                let tapped = || self.offset_tapped_at(scan, compared, place);
+                let offset = if lacks_edge[place] { Some(edge) } else { tapped() };
                 by_offset.entry(offset.unwrap_or(edge)).or_default().suspects.insert(place);
             }
         }
@@ -119,13 +118,6 @@ impl Fusion {
             wanted.controls.extend(spread(&sound, CONTROLS_MIN.max(wanted.suspects.len())));
         }
         self.planned(scan, compared, &by_offset)
-    }
-
-    /// Whether a tap is planned at each place at this offset.
-    fn is_tapped_at(&self, scan: usize, compared: &Compared, offset: usize) -> Vec<bool> {
-        let at_offset = self.entering(scan).filter(|(_, id)| compared.conditions.offset_number(id) == Some(offset));
-        let tapped: BTreeSet<u32> = at_offset.map(|(_, id)| id.location).collect();
-        self.plan.scans()[scan].locations.iter().map(|(location, _)| tapped.contains(location)).collect()
     }
 
     /// The first offset at which a tap is planned at `place`.

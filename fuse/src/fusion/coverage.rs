@@ -3,7 +3,14 @@
 use tapline_wire::{Discriminator, TapId};
 
 use crate::fusion::Fusion;
-use crate::shoulder::ring::Ring;
+use crate::reference::known_shoulder::edge_distance_mm;
+
+/// What came of one location: how often each discriminator was given, and how many taps were due.
+#[derive(Debug, Clone)]
+struct Given {
+    counts: Vec<usize>,
+    due: usize,
+}
 
 impl Fusion {
     /// Whether scan number `scan` lacks what the index asks for, although its channels are recorded: a discriminator is absent
@@ -11,46 +18,48 @@ impl Fusion {
     /// lacks more than half of what its taps should have given, or two neighbours one discriminator of most of their taps, in all taps
     /// or in those at the belt edge, where cracks begin.
     pub(super) fn lacks_features(&self, scan: usize) -> bool {
-        let channels = &self.plan.recording.channels;
-        let recorded = |which: &Discriminator| which.channels().iter().all(|channel| channels.contains(channel));
-        let asked: Vec<Discriminator> = self.config.discriminators.iter().copied().filter(recorded).collect();
+        let asked = self.asked();
+        let values = |which: Discriminator| -> Vec<f64> {
+            let seen = self.entering(scan).filter_map(|(row, _)| self.seen[row as usize].as_ref());
+            seen.filter_map(|seen| seen.values.get(which)).collect()
+        };
+        let tap_count = self.entering(scan).count();
+        let is_bad = |values: &[f64]| 2 * values.len() < tap_count || has_majority(values);
+        let lacks = |is_edge_only: bool| self.lacking(scan, is_edge_only).contains(&true);
+        asked.into_iter().any(|which| is_bad(&values(which))) || lacks(false) || lacks(true)
+    }
+
+    /// Whether each location of scan number `scan` lacks more than half of what its taps should have given, those at the belt edge if
+    /// `is_edge_only`, or with a neighbour one discriminator of most of them.
+    pub(super) fn lacking(&self, scan: usize, is_edge_only: bool) -> Vec<bool> {
+        let asked = self.asked();
+        let distance_mm = |id: &TapId| edge_distance_mm(id.offset_mm());
+        let edge_mm = self.entering(scan).map(|(_, id)| distance_mm(&id)).min_by(f64::total_cmp).unwrap_or(0.0);
         let locations = &self.plan.scans()[scan].locations;
-        let offset_mm = |id: &TapId| id.offset_mm().map_or(f64::INFINITY, f64::abs);
-        let edge_mm = self.entering(scan).map(|(_, id)| offset_mm(&id)).min_by(f64::total_cmp);
-        // In all taps, and in those at the belt edge, by location: how often each discriminator was given, and how many taps were due.
-        let none = vec![(vec![0_usize; asked.len()], 0_usize); locations.len()];
-        let mut planned = [none.clone(), none];
-        let mut values: Vec<Vec<f64>> = vec![Vec::new(); asked.len()];
-        let mut tap_count = 0;
-        for (row, id) in self.entering(scan) {
+        let mut given = vec![Given { counts: vec![0; asked.len()], due: 0 }; locations.len()];
+        for (row, id) in self.entering(scan).filter(|(_, id)| !is_edge_only || distance_mm(id) <= edge_mm) {
             let Ok(place) = locations.binary_search_by_key(&id.location, |&(location, _)| location) else { continue };
-            tap_count += 1;
-            let is_edge = edge_mm.is_some_and(|edge_mm| offset_mm(&id).total_cmp(&edge_mm).is_eq());
+            let Given { counts, due } = &mut given[place];
+            *due += 1;
             let seen = self.seen[row as usize].as_ref();
-            for counted in planned.iter_mut().take(if is_edge { 2 } else { 1 }) {
-                let (given, due) = &mut counted[place];
-                *due += 1;
-                for (which, given) in asked.iter().zip(given) {
-                    *given += usize::from(seen.is_some_and(|seen| seen.values.get(*which).is_some()));
-                }
-            }
-            for (which, values) in asked.iter().zip(&mut values) {
-                values.extend(seen.and_then(|seen| seen.values.get(*which)));
+            for (which, count) in asked.iter().zip(counts) {
+                *count += usize::from(seen.is_some_and(|seen| seen.values.get(*which).is_some()));
             }
         }
-        values.iter().any(|values| 2 * values.len() < tap_count || has_majority(values))
-            || planned.iter().any(|planned| lack(planned, &self.rings[scan]))
+        // What is absent at one location may be chance, where that has a tap or two.
+        let lacks_one: Vec<bool> = given.iter().map(|of| of.counts.iter().any(|count| 2 * count < of.due)).collect();
+        let ring = &self.rings[scan];
+        let is_block = |place: usize| ring.with_neighbours(place).filter(|&near| lacks_one[near]).count() > 1;
+        let lacks_most = |of: &Given| 2 * of.counts.iter().sum::<usize>() < of.counts.len() * of.due;
+        (0..given.len()).map(|place| lacks_most(&given[place]) || lacks_one[place] && is_block(place)).collect()
     }
-}
 
-/// Whether a location lacks more than half of what its taps should have given, or two neighbours one discriminator of most of their taps:
-/// how often each was `given`, and how many taps were due.
-fn lack(planned: &[(Vec<usize>, usize)], ring: &Ring) -> bool {
-    // What is absent at one location may be chance, where that has a tap or two.
-    let lacks_one: Vec<bool> = planned.iter().map(|(given, due)| given.iter().any(|given| 2 * given < *due)).collect();
-    let is_block = |place: usize| ring.with_neighbours(place).filter(|&near| lacks_one[near]).count() > 1;
-    planned.iter().any(|(given, due)| 2 * given.iter().sum::<usize>() < given.len() * due)
-        || (0..planned.len()).any(|place| lacks_one[place] && is_block(place))
+    /// The discriminators that the index asks for and whose channels are recorded.
+    fn asked(&self) -> Vec<Discriminator> {
+        let channels = &self.plan.recording.channels;
+        let recorded = |which: &Discriminator| which.channels().iter().all(|channel| channels.contains(channel));
+        self.config.discriminators.iter().copied().filter(recorded).collect()
+    }
 }
 
 /// Whether more than half of `values`, and more than one, are one and the same.

@@ -240,15 +240,21 @@ impl<'a> View<'a> {
             .any(|(arc, second)| is_damage(arc, *second, geometry, limit_reject))
     }
 
-    /// The arcs that reach `limit`, each with what its second reading alone shows, but those that it clears.
+    /// The arcs that reach `limit`, each with what its second reading alone shows, but those that it clears; the strongest first.
     ///
-    /// It does not clear several places that together still reach `limit_reject`: no sound shoulder showed that, and a casing that has
-    /// slipped between the readings does.
+    /// It does not clear several places that the first reading alone would reject: a casing that has slipped since, or a recorder that
+    /// has lost its place, shows nothing there either.
     fn arcs(&self, limit: f64, limit_reject: f64) -> Vec<(Arc, Option<f64>)> {
-        let arcs = arcs_above(&self.fitted.statistic, &self.shoulder.ring, &self.maps, limit).into_iter();
-        let with_second = arcs.map(|arc| (arc, self.second_value(arc)));
-        let is_cleared = |arc: &Arc, second: f64| second < CLEARED_SD && !(arc.length > 1 && arc.value >= limit_reject);
-        with_second.filter(|(arc, second)| second.is_none_or(|second| !is_cleared(arc, second))).collect()
+        let of = |maps, limit| {
+            let arcs = arcs_above(&self.fitted.statistic, &self.shoulder.ring, maps, limit).into_iter();
+            arcs.map(|arc| (arc, self.second_value(arc)))
+        };
+        let is_cleared = |second: Option<f64>| second.is_some_and(|value| value < CLEARED_SD);
+        let mut arcs: Vec<_> = of(&self.maps, limit).filter(|(_, second)| !is_cleared(*second)).collect();
+        let strong = self.first_maps.iter().flat_map(|maps| of(maps, limit_reject));
+        arcs.extend(strong.filter(|(arc, second)| arc.length > 1 && is_cleared(*second)));
+        arcs.sort_by(|(a, _), (b, _)| b.value.total_cmp(&a.value));
+        arcs
     }
 
     /// Fills in the damage index, and what arcs, scatter and level say of the shoulder.

@@ -7,6 +7,7 @@ use tapline_wire::{Discriminator, Geometry, Purpose, Quality, Reasons};
 
 use crate::fusion::compared::Compared;
 use crate::fusion::{Fusion, closing_location};
+use crate::reference::known_shoulder::edge_distance_mm;
 use crate::shoulder::ring::Ring;
 
 /// Fewest values that are alike in two taps and not by chance: each has 64 bits, but a stuck sensor gives some of them again and again.
@@ -71,24 +72,38 @@ impl Fusion {
     }
 
     /// Whether the ring of scan number `scan` leaves more between its locations than the reference's or its casing's longest one: there are
-    /// fewer than half as many, or fewer without angles, of which only the other ring shows whether they go around.
+    /// fewer than half as many, at all or at the belt edge, or fewer without angles, of which only the other ring shows whether they go
+    /// around.
     fn is_coarse(&self, scan: usize) -> bool {
         let located = &self.plan.scans()[scan].locations;
-        let of_casing = self.groups.casing(scan).iter().map(|&scan| self.plan.scans()[scan].locations.len());
-        let most = self.set.as_ref().map_or(0, |set| set.ring_length()).max(of_casing.max().unwrap_or(0));
+        let lengths = |&scan: &usize| [self.plan.scans()[scan].locations.len(), self.edge_length(scan)];
+        let others = self.groups.casing(scan).iter().chain(self.groups.reference(scan)).map(lengths);
+        let others = others.chain(self.set.as_ref().map(|set| set.ring_lengths()));
+        let own = lengths(&scan);
+        let [most, most_at_edge] = others.fold(own, |most, other| [most[0].max(other[0]), most[1].max(other[1])]);
         let has_angles = located.iter().all(|(_, angle)| angle.is_some_and(f64::is_finite));
-        2 * located.len() < most || !has_angles && located.len() < most
+        2 * own[0] < most || 2 * own[1] < most_at_edge || !has_angles && own[0] < most
+    }
+
+    /// At how many locations scan number `scan` taps the belt edge.
+    fn edge_length(&self, scan: usize) -> usize {
+        let mut locations: BTreeMap<u64, BTreeSet<u32>> = BTreeMap::new();
+        for (_, id) in self.entering(scan) {
+            // The bits of numbers that are not negative have their order.
+            locations.entry(edge_distance_mm(id.offset_mm()).to_bits()).or_default().insert(id.location);
+        }
+        locations.first_key_value().map_or(0, |(_, at_edge)| at_edge.len())
     }
 
     /// Whether two taps of the casing of scan number `scan`, one of them of that scan, have the same values, and no fewer than
-    /// [`REPEATED_MIN`].
+    /// [`REPEATED_MIN`]. Closing taps do not count: they enter no index.
     fn has_repeated(&self, scan: usize) -> bool {
         let values_of = |row: u32| {
             let values = &self.seen[row as usize].as_ref().filter(|seen| !seen.is_refused)?.values;
             let bits = Discriminator::ALL.map(|which| values.get(which).map(f64::to_bits));
             (bits.iter().flatten().count() >= REPEATED_MIN).then_some(bits)
         };
-        let rows = |scan: usize| self.plan.scans()[scan].taps.iter().filter_map(move |&row| values_of(row));
+        let rows = |scan: usize| self.entering(scan).filter_map(move |(row, _)| values_of(row));
         let mut there = HashSet::new();
         let others = self.groups.casing(scan).iter().copied().filter(|&other| other != scan);
         there.extend(others.flat_map(rows));
@@ -103,7 +118,7 @@ impl Fusion {
             if self.plan.taps()[row as usize].purpose == Purpose::Scan {
                 let offset_mm = id.offset_mm();
                 let turn = by_offset.entry(offset_mm.map(f64::to_bits)).or_default();
-                turn.0 = offset_mm.unwrap_or(0.0);
+                turn.0 = edge_distance_mm(offset_mm);
                 turn.1.insert(id.location);
             }
         }

@@ -207,12 +207,11 @@ impl ReferenceSet {
     /// Refuses a plan whose rings have other locations than its own: arcs of equal count would differ in length. A plan may omit
     /// some locations.
     pub(crate) fn check_locations(&self, plan: &Plan) -> Result<(), Error> {
-        let known = self.largest_ring();
-        if known.is_some() != (plan.geometry == Geometry::Ring) {
+        if self.shoulders.iter().all(|shoulder| shoulder.geometry != plan.geometry) {
             return Err(Error::OtherGeometry { planned: plan.geometry });
         }
-        let Some(known) = known else { return Ok(()) };
-        for scan in plan.scans() {
+        let Some(known) = self.largest_ring() else { return Ok(()) };
+        for scan in plan.scans().iter().filter(|_| plan.geometry == Geometry::Ring) {
             if !known.has_ring(&scan.locations) {
                 return Err(Error::OtherLocations { known: known.locations.len(), planned: scan.locations.len() });
             }
@@ -220,17 +219,21 @@ impl ReferenceSet {
         Ok(())
     }
 
-    /// How many locations its longest ring has.
-    pub(crate) fn ring_length(&self) -> usize {
-        self.largest_ring().map_or(0, |known| known.locations.len())
+    /// How many locations its longest ring has, and at how many a ring was tapped at the belt edge at most.
+    pub(crate) fn ring_lengths(&self) -> [usize; 2] {
+        let edges = self.shoulders.iter().filter(|shoulder| shoulder.geometry == Geometry::Ring);
+        [
+            self.largest_ring().map_or(0, |known| known.locations.len()),
+            edges.map(KnownShoulder::edge_length).max().unwrap_or(0),
+        ]
     }
 
-    /// Whether each of its casings has more than one shoulder.
+    /// Whether most of its shoulders are those of casings with several: of some, one may not have passed.
     pub(crate) fn has_both_shoulders(&self) -> bool {
-        let has_other = |of: &KnownShoulder| {
+        let has_other = |of: &&KnownShoulder| {
             self.shoulders.iter().any(|other| other.tyre == of.tyre && other.shoulder != of.shoulder)
         };
-        self.shoulders.iter().all(has_other)
+        2 * self.shoulders.iter().filter(has_other).count() > self.shoulders.len()
     }
 
     /// Refuses own rings that are not parts of one ring.

@@ -38,6 +38,11 @@ pub struct KnownShoulder {
     pub turns: Vec<Turn>,
 }
 
+/// How far an offset lies from the belt edge; an unknown one is the farthest.
+pub(crate) fn edge_distance_mm(offset_mm: Option<f64>) -> f64 {
+    offset_mm.map_or(f64::INFINITY, f64::abs)
+}
+
 /// The taps of one shoulder at one offset, velocity and repetition; by location, `None` where nothing came.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -64,6 +69,15 @@ impl KnownShoulder {
             })
         };
         self.locations.len() == located.len() || located.iter().all(is_known)
+    }
+
+    /// At how many locations something came of a tap at the belt edge.
+    pub(crate) fn edge_length(&self) -> usize {
+        let distance = |turn: &&Turn| edge_distance_mm(turn.offset_mm);
+        let Some(edge) = self.turns.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))) else { return 0 };
+        let turns = || self.turns.iter().filter(|turn| distance(turn).total_cmp(&distance(&edge)).is_eq());
+        let came = |place: &usize| turns().any(|turn| turn.values.values().any(|column| column[*place].is_some()));
+        (0..self.locations.len()).filter(came).count()
     }
 
     /// The results of scan number `scan` of `plan`, with its locations labelled by `truth` if that is given.

@@ -33,6 +33,7 @@ pub struct Summary {
     pub limit_reject: f64,
     /// What `limit_re_inspect` would be if the shoulders showed nothing but noise; `None` for fewer than two casings. A far higher one
     /// means that many of them are cracked, or that they are very uneven.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limit_of_noise: Option<f64>,
 }
 

@@ -7,6 +7,9 @@ use crate::stats::median;
 /// A step this many times the usual one skips a location.
 const STEP_SLACK: f64 = 1.5;
 
+/// Angles may be rounded to whole degrees.
+const ROUNDING_DEG: f64 = 1.0;
+
 /// The locations of one shoulder in their order, and which of them lie side by side.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Ring {
@@ -28,10 +31,10 @@ impl Ring {
         };
         let is_closed = match turns(locations).filter(|_| geometry == Geometry::Ring) {
             Some(turns) => {
-                let usual = median(&mut turns.clone()).unwrap_or(f64::NAN);
-                let is_near = turns.iter().map(|&turn| turn <= STEP_SLACK * usual);
+                let near_deg = STEP_SLACK * median(&mut turns.clone()).unwrap_or(f64::NAN) + ROUNDING_DEG;
+                let is_near = turns.iter().map(|&turn| turn <= near_deg);
                 is_linked.iter_mut().zip(is_near).for_each(|(is_linked, is_near)| *is_linked &= is_near);
-                turns.last().is_some_and(|&seam| seam <= STEP_SLACK * usual)
+                turns.last().is_some_and(|&seam| seam <= near_deg)
             }
             // The closing tap carries the number of the ring's locations.
             None => closing_location.is_none_or(|count| {
@@ -181,6 +184,10 @@ mod tests {
         assert_eq!(at([0.0, 60.0, 180.0, 240.0, 300.0]).is_linked, [true, false, true, true, true]);
         assert_eq!(at([300.0, 240.0, 180.0, 60.0, 0.0]).is_linked, [true, true, false, true, true]);
         assert!(at([350.0, 62.0, 134.0, 206.0, 278.0]).is_whole());
+        for count in [36, 100, 241, 250, 300, 360] {
+            let rounded = (0..count).map(|l| (l, Some((f64::from(l) * 360.0 / f64::from(count)).round())));
+            assert!(Ring::of(Geometry::Ring, &rounded.collect::<Vec<_>>(), None).is_whole(), "{count}");
+        }
     }
 
     /// The obvious way: look at every pair of places.

@@ -128,7 +128,7 @@ flags! {
         SCATTER_OFF = 23, "scatter_off":
             "Its places differ from one another more than those of the reference: more noise, or another kind of casing.";
         SHOULDER_MISSING = 24, "shoulder_missing":
-            "Only one shoulder of the casing was tapped, and each casing of the reference has two: damage in the other would not show.";
+            "Only one shoulder of the casing was tapped, and most casings of the reference have two: damage in the other would not show.";
         REPEATED = 25, "repeated":
             "Two taps of the casing have the same values to the last digit: one recording is there twice, and another one lacks.";
     }

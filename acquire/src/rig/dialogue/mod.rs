@@ -205,6 +205,8 @@ impl Dialogue {
         self.unexpected = Counter::default();
         self.last_end.begin_connection();
         if let Some(current) = &mut self.current {
+            // Before its first tap nobody can have turned it.
+            let since = since.filter(|_| current.hit_sent.is_some());
             self.away_since.get_or_insert_with(|| since.unwrap_or_else(Instant::now));
             if !matches!(current.step, Step::Hit(..)) {
                 current.step = Step::Idle;
@@ -331,7 +333,7 @@ impl Dialogue {
         let patience = self.config.patience;
         let is_over = self.away_since.is_some_and(|since| since.elapsed() >= patience);
         if is_over {
-            self.remove_current(&format!("the rig was away for more than {} s", patience.as_secs_f64()));
+            self.remove_current(&format!("the rig was stopped or away for more than {} s", patience.as_secs_f64()));
         }
         is_over
     }

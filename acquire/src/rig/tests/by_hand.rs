@@ -104,11 +104,11 @@ fn patience_ends() {
     assert_eq!(casing.taps.poll(0, 0), Readiness::NotYet);
     drop(rig);
     let Readiness::Gone(why) = bench.poll(&mut casing, 0) else { panic!("not gone") };
-    assert_eq!(why, "the rig was away for more than 0.05 s");
+    assert_eq!(why, "the rig was stopped or away for more than 0.05 s");
     // People hear of it at once, not when patience ends.
     let alarms = bench.alarms();
     assert!(alarms[0].starts_with("casing T: the connection to the rig is lost: "), "{alarms:?}");
-    assert_eq!(alarms[1..], ["casing T: the rig was away for more than 0.05 s"]);
+    assert_eq!(alarms[1..], ["casing T: the rig was stopped or away for more than 0.05 s"]);
     // It comes back with nothing, and then with the same casing: that is scanned anew.
     let mut rig = ByHand::accept(&listener);
     rig.say("hello rig 1\ncasing T\n");

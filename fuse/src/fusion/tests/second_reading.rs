@@ -91,12 +91,20 @@ fn what_cannot_pass_or_has_no_offset_is_not_tapped_again() {
 #[test]
 fn what_the_second_reading_does_not_show_is_cleared() {
     // Catches a first reading that condemns alone, and a second one that makes a crack of nothing.
-    let [called, cleared, rejected] = second_readings_of_spoilt_ones(0.02);
+    let [called, cleared, rejected] = second_readings_of_spoilt_ones(0.014);
     // The places scatter too: some stand out by themselves.
-    assert!(cleared >= 10 && rejected <= 3, "{cleared} cleared and {rejected} rejected of {called}");
+    assert!(
+        called >= 5 && 2 * cleared >= called && rejected <= 3,
+        "{cleared} cleared and {rejected} rejected of {called}"
+    );
     // As cracked as strong cracks are. Catches a casing that has slipped between the readings, and passes.
-    let [called, cleared, rejected] = second_readings_of_spoilt_ones(0.04);
-    assert!(called == 20 && cleared == 0 && rejected <= 3, "{cleared} cleared and {rejected} rejected of {called}");
+    for part in [0.025, 0.03, 0.04] {
+        let [called, cleared, rejected] = second_readings_of_spoilt_ones(part);
+        assert!(
+            called >= 19 && cleared <= 2 && rejected <= 3,
+            "{part}: {cleared} cleared and {rejected} rejected of {called}"
+        );
+    }
 }
 
 /// Of 20 sound casings, four of whose neighbouring places differ by `part` in the first reading alone: how many do not pass by that, and of
