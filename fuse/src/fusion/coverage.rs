@@ -20,10 +20,10 @@ impl Fusion {
     pub(super) fn lacks_features(&self, scan: usize) -> bool {
         let asked = self.asked();
         let values = |which: Discriminator| -> Vec<f64> {
-            let seen = self.entering(scan).filter_map(|(row, _)| self.seen[row as usize].as_ref());
+            let seen = self.rows_entering(scan).filter_map(|row| self.seen[row as usize].as_ref());
             seen.filter_map(|seen| seen.values.get(which)).collect()
         };
-        let tap_count = self.entering(scan).count();
+        let tap_count = self.rows_entering(scan).count();
         let is_bad = |values: &[f64]| 2 * values.len() < tap_count || has_majority(values);
         let lacks = |is_edge_only: bool| self.lacking(scan, is_edge_only).contains(&true);
         asked.into_iter().any(|which| is_bad(&values(which))) || lacks(false) || lacks(true)

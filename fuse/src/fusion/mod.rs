@@ -171,9 +171,13 @@ impl Fusion {
     ///
     /// A name has the planned velocity: a tap that missed it is compared with its neighbours, and keeps its flag.
     fn entering(&self, scan: usize) -> impl Iterator<Item = (u32, TapId)> {
+        self.rows_entering(scan).map(|row| (row, name_as_planned(&self.plan, row)))
+    }
+
+    /// The rows alone.
+    fn rows_entering(&self, scan: usize) -> impl Iterator<Item = u32> {
         let rows = self.plan.scans()[scan].taps.iter().copied();
         rows.filter(|&row| !self.plan.taps()[row as usize].is_closing())
-            .map(|row| (row, name_as_planned(&self.plan, row)))
     }
 }
 

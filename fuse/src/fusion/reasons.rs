@@ -103,7 +103,7 @@ impl Fusion {
             let bits = Discriminator::ALL.map(|which| values.get(which).map(f64::to_bits));
             (bits.iter().flatten().count() >= REPEATED_MIN).then_some(bits)
         };
-        let rows = |scan: usize| self.entering(scan).filter_map(move |(row, _)| values_of(row));
+        let rows = |scan: usize| self.rows_entering(scan).filter_map(values_of);
         let mut there = HashSet::new();
         let others = self.groups.casing(scan).iter().copied().filter(|&other| other != scan);
         there.extend(others.flat_map(rows));
