@@ -55,7 +55,7 @@ pub use tap_set::TapSet;
 pub use tap_set::extras::Extras as TapExtras;
 pub use tap_set::listed::{TapSetList, listed_tap_set};
 pub use tap_set::scan_toml::SAMPLE_RATE_HZ_MAX;
-pub use tap_set::table::{Row as TableRow, read_rows};
+pub use tap_set::table::{Row as TableRow, columns_of, read_rows};
 pub use tap_set::taps_csv::{TEXT_COLUMNS, TapRow, tap_columns, tap_rows};
 pub use tap_set::watched_folder::FolderArrivals;
 pub use tap_set::wav::{WavKind, WavLayout, read_wav_layout};

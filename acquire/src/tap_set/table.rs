@@ -41,9 +41,7 @@ pub fn read_rows<E: From<Error>>(
     mut take: impl FnMut(&Row<'_>) -> Result<(), E>,
 ) -> Result<(), E> {
     let separator = separator(text);
-    let mut builder = csv::ReaderBuilder::new();
-    builder.delimiter(separator).has_headers(false).flexible(true).trim(csv::Trim::All);
-    let mut reader = builder.from_reader(text.as_bytes());
+    let mut reader = reader(text);
     let mut lines = Lines { text: text.as_bytes(), at: 0, line: 1 };
     let mut record = StringRecord::new();
     let mut table: Option<Table<'_>> = None;
@@ -60,6 +58,18 @@ pub fn read_rows<E: From<Error>>(
             Some(table) => take(&Row::new(table, &record, line)?)?,
         }
     }
+}
+
+/// The names of the columns of the table `text`; none if its header cannot be read.
+pub fn columns_of(text: &str) -> Vec<String> {
+    let header = reader(text).into_records().next().and_then(Result::ok).unwrap_or_default();
+    header.iter().map(str::to_owned).collect()
+}
+
+fn reader(text: &str) -> csv::Reader<&[u8]> {
+    let mut builder = csv::ReaderBuilder::new();
+    builder.delimiter(separator(text)).has_headers(false).flexible(true).trim(csv::Trim::All);
+    builder.from_reader(text.as_bytes())
 }
 
 /// The separator of the cells of the table `text`: that of its header.

@@ -1,9 +1,8 @@
 //! Whether a scan gave all that it should: a sensor may be dead or stuck, or a location without its features.
 
-use tapline_wire::{Discriminator, TapId};
+use tapline_wire::Discriminator;
 
 use crate::fusion::Fusion;
-use crate::reference::known_shoulder::edge_distance_mm;
 
 /// What came of one location: how often each discriminator was given, and how many taps were due.
 #[derive(Debug, Clone)]
@@ -33,11 +32,9 @@ impl Fusion {
     /// `is_edge_only`, or with a neighbour one discriminator of most of them.
     pub(super) fn lacking(&self, scan: usize, is_edge_only: bool) -> Vec<bool> {
         let asked = self.asked();
-        let distance_mm = |id: &TapId| edge_distance_mm(id.offset_mm());
-        let edge_mm = self.entering(scan).map(|(_, id)| distance_mm(&id)).min_by(f64::total_cmp).unwrap_or(0.0);
         let locations = &self.plan.scans()[scan].locations;
         let mut given = vec![Given { counts: vec![0; asked.len()], due: 0 }; locations.len()];
-        for (row, id) in self.entering(scan).filter(|(_, id)| !is_edge_only || distance_mm(id) <= edge_mm) {
+        for (row, id) in if is_edge_only { self.at_edge(scan) } else { self.entering(scan).collect() } {
             let Ok(place) = locations.binary_search_by_key(&id.location, |&(location, _)| location) else { continue };
             let Given { counts, due } = &mut given[place];
             *due += 1;

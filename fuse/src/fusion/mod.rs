@@ -21,7 +21,7 @@ use std::sync::Arc;
 use tapline_wire::{Discriminator, Discriminators, Plan, Quality, TapId, Values};
 
 use crate::fusion::compared::{Compared, ScanGroups};
-use crate::shoulder::conditions::name_as_planned;
+use crate::shoulder::conditions::{edge_distance_mm, name_as_planned};
 use crate::shoulder::ring::Ring;
 use crate::{Error, FuseConfig, Reference, ReferenceSet};
 
@@ -172,6 +172,15 @@ impl Fusion {
     /// A name has the planned velocity: a tap that missed it is compared with its neighbours, and keeps its flag.
     fn entering(&self, scan: usize) -> impl Iterator<Item = (u32, TapId)> {
         self.rows_entering(scan).map(|row| (row, name_as_planned(&self.plan, row)))
+    }
+
+    /// Those of them that lie nearest to the belt edge.
+    fn at_edge(&self, scan: usize) -> Vec<(u32, TapId)> {
+        let distance_mm = |tap: &(u32, TapId)| edge_distance_mm(tap.1.offset_mm());
+        let mut taps: Vec<_> = self.entering(scan).collect();
+        let least_mm = taps.iter().map(distance_mm).min_by(f64::total_cmp).unwrap_or(f64::INFINITY);
+        taps.retain(|tap| distance_mm(tap) <= least_mm);
+        taps
     }
 
     /// The rows alone.

@@ -7,7 +7,7 @@ use tapline_wire::{Discriminator, Geometry, Purpose, Quality, Reasons};
 
 use crate::fusion::compared::Compared;
 use crate::fusion::{Fusion, closing_location};
-use crate::reference::known_shoulder::edge_distance_mm;
+use crate::shoulder::conditions::edge_distance_mm;
 use crate::shoulder::ring::Ring;
 
 /// Fewest values that are alike in two taps and not by chance: each has 64 bits, but a stuck sensor gives some of them again and again.
@@ -76,23 +76,16 @@ impl Fusion {
     /// around.
     fn is_coarse(&self, scan: usize) -> bool {
         let located = &self.plan.scans()[scan].locations;
-        let lengths = |&scan: &usize| [self.plan.scans()[scan].locations.len(), self.edge_length(scan)];
+        let lengths = |&scan: &usize| {
+            let at_edge: BTreeSet<u32> = self.at_edge(scan).into_iter().map(|(_, id)| id.location).collect();
+            [self.plan.scans()[scan].locations.len(), at_edge.len()]
+        };
         let others = self.groups.casing(scan).iter().chain(self.groups.reference(scan)).map(lengths);
         let others = others.chain(self.set.as_ref().map(|set| set.ring_lengths()));
         let own = lengths(&scan);
         let [most, most_at_edge] = others.fold(own, |most, other| [most[0].max(other[0]), most[1].max(other[1])]);
         let has_angles = located.iter().all(|(_, angle)| angle.is_some_and(f64::is_finite));
         2 * own[0] < most || 2 * own[1] < most_at_edge || !has_angles && own[0] < most
-    }
-
-    /// At how many locations scan number `scan` taps the belt edge.
-    fn edge_length(&self, scan: usize) -> usize {
-        let mut locations: BTreeMap<u64, BTreeSet<u32>> = BTreeMap::new();
-        for (_, id) in self.entering(scan) {
-            // The bits of numbers that are not negative have their order.
-            locations.entry(edge_distance_mm(id.offset_mm()).to_bits()).or_default().insert(id.location);
-        }
-        locations.first_key_value().map_or(0, |(_, at_edge)| at_edge.len())
     }
 
     /// Whether two taps of the casing of scan number `scan`, one of them of that scan, have the same values, and no fewer than

@@ -8,6 +8,7 @@ use tapline_wire::{
 };
 
 use crate::reference::pattern::Pattern;
+use crate::shoulder::conditions::edge_distance_mm;
 use crate::shoulder::ring::Ring;
 use crate::shoulder::velocity::Normalisation;
 use crate::shoulder::{self, Shoulder};
@@ -36,11 +37,6 @@ pub struct KnownShoulder {
     pub is_cracked: Option<Vec<bool>>,
     /// Its taps, turn by turn.
     pub turns: Vec<Turn>,
-}
-
-/// How far an offset lies from the belt edge; an unknown one is the farthest.
-pub(crate) fn edge_distance_mm(offset_mm: Option<f64>) -> f64 {
-    offset_mm.map_or(f64::INFINITY, f64::abs)
 }
 
 /// The taps of one shoulder at one offset, velocity and repetition; by location, `None` where nothing came.

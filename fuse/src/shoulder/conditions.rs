@@ -63,7 +63,7 @@ impl Conditions {
     /// Numbers of the offsets from the belt edge inwards, the unknown one last.
     pub(crate) fn offsets_inwards(&self) -> Vec<usize> {
         let offsets_mm = self.offsets_mm();
-        let distance = |number: &usize| offsets_mm[*number].map_or(f64::INFINITY, f64::abs);
+        let distance = |number: &usize| edge_distance_mm(offsets_mm[*number]);
         let mut numbers: Vec<usize> = (0..offsets_mm.len()).collect();
         numbers.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
         numbers
@@ -115,6 +115,10 @@ pub(crate) fn name_as_planned(plan: &Plan, row: u32) -> TapId {
 /// Offset and velocity of a tap, in an order.
 fn name(tap: &TapId) -> (Option<u64>, Option<u64>) {
     (offset_key(tap), tap.velocity_m_per_s().map(f64::to_bits))
+}
+/// How far an offset lies from the belt edge; an unknown one is the farthest.
+pub(crate) fn edge_distance_mm(offset_mm: Option<f64>) -> f64 {
+    offset_mm.map_or(f64::INFINITY, f64::abs)
 }
 
 fn offset_key(tap: &TapId) -> Option<u64> {

@@ -1,7 +1,4 @@
-//! Whether scans of a shoulder agree: on the verdict, over all scans and between two stations, and on the strongest arc.
-//!
-//! A gauge study compares its error with what parts differ by. A few cracked shoulders differ from the others by so much that any
-//! gauge looks good beside it, while verdicts on the others change from scan to scan.
+//! Whether scans of a shoulder have the same verdict, over all scans and between two stations.
 
 use std::collections::BTreeSet;
 
@@ -12,7 +9,7 @@ use crate::evaluation::{Cell, Table, cell, ends};
 use crate::statistics::{Rate, cohen_kappa, fleiss_kappa, mean_count, mean_interval};
 
 use super::archives::{Scanned, Scans};
-use super::repeats::{AtStation, scanned_again};
+use super::scatter::{level, mean};
 
 /// Probability of each interval.
 const LEVEL: f64 = 0.95;
@@ -32,28 +29,6 @@ pub(super) struct Agreement {
     /// How much greater the strongest arc over its limit is at the second station than at the first.
     bias: Option<Rate>,
     remark: String,
-}
-
-/// How far shoulders lie below the limit, and how much their strongest arc changes from scan to scan at one station.
-#[derive(Debug, Default)]
-pub(super) struct Scatter {
-    pub shoulders: usize,
-    scans: usize,
-    /// Mean of the strongest arc over its limit.
-    pub level: Option<f64>,
-    /// Standard deviation of repeated scans, in parts of the limit.
-    pub sd: Option<f64>,
-    /// The distance from the level to the limit over the standard deviation; `None` if scans repeat exactly.
-    pub distance: Option<f64>,
-}
-
-/// The strongest arc over the limit: scans with different references can be compared.
-fn level(scan: &Scanned) -> f64 {
-    scan.result.strongest_arc / scan.result.limit
-}
-
-fn mean(values: impl Iterator<Item = f64> + Clone) -> f64 {
-    values.clone().sum::<f64>() / values.count() as f64
 }
 
 /// Over all scans, and between each two stations that scanned the same shoulders.
@@ -127,36 +102,6 @@ impl Agreement {
     }
 }
 
-/// Of the shoulders that were scanned again at one station and whose scans have a mean below the limit. The mean decides, not each
-/// verdict: without the scans that reached the limit by chance the scatter would seem too small.
-pub(super) fn scatter(scans: &Scans) -> Scatter {
-    let at_stations = |at: &AtStation<'_>| -> Vec<Vec<f64>> {
-        let of_station = at.values().map(|scans| scans.iter().copied().map(level).filter(|x| x.is_finite()).collect());
-        of_station.filter(|levels: &Vec<f64>| levels.len() > 1).collect()
-    };
-    let all: Vec<Vec<Vec<f64>>> = scanned_again(scans).iter().map(at_stations).collect();
-    let of_shoulder = |stations: &[Vec<f64>]| mean(stations.iter().flatten().copied());
-    let low: Vec<&Vec<Vec<f64>>> = all.iter().filter(|stations| of_shoulder(stations) < 1.0).collect();
-    if low.is_empty() {
-        return Scatter::default();
-    }
-    let (mut squares, mut degrees, mut scan_count) = (0.0, 0, 0);
-    for levels in low.iter().copied().flatten() {
-        let middle = mean(levels.iter().copied());
-        squares += levels.iter().map(|level| (level - middle).powi(2)).sum::<f64>();
-        degrees += levels.len() - 1;
-        scan_count += levels.len();
-    }
-    let (level, sd) = (mean(low.iter().map(|stations| of_shoulder(stations))), (squares / degrees as f64).sqrt());
-    Scatter {
-        shoulders: low.len(),
-        scans: scan_count,
-        level: Some(level),
-        sd: Some(sd),
-        distance: Some((1.0 - level) / sd).filter(|distance| distance.is_finite()),
-    }
-}
-
 pub(super) fn table(agreements: &[Agreement]) -> Table {
     let mut table = Table::new(
         "agreement",
@@ -177,17 +122,5 @@ pub(super) fn table(agreements: &[Agreement]) -> Table {
         row.push(found.remark.clone().into());
         table.push(row);
     }
-    table
-}
-
-pub(super) fn scatter_table(scatter: &Scatter) -> Table {
-    let mut table = Table::new(
-        "scatter",
-        "Shoulders scanned again at one station whose mean strongest arc lies below the re-inspect limit: where they lie, and the \
-         standard deviation of their repeated scans, in parts of the limit; and the distance to the limit over this deviation",
-        ["shoulders", "scans", "level", "sd", "distance_in_sd"],
-    );
-    let numbers = [scatter.level, scatter.sd, scatter.distance].map(cell);
-    table.push([scatter.shoulders.into(), scatter.scans.into()].into_iter().chain(numbers));
     table
 }

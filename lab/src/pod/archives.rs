@@ -5,15 +5,14 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, ensure};
+use jiff::Timestamp;
+use jiff::tz::TimeZone;
 use tapline_host::progress::{Progress, Unit};
 use tapline_store::{Folder, Judged, Reader, archive_of};
 use tapline_wire::{DamageCell, Geometry, Judgement, Scan};
 
 use super::truth::{Crack, Extent, Inspected, KnownTruth, Shoulder};
 use crate::shoulder_result::ShoulderResult;
-
-/// Nanoseconds of a day.
-const DAY_NS: i64 = 86_400_000_000_000;
 
 /// One shoulder as it was scanned and judged once.
 #[derive(Debug, Clone)]
@@ -185,7 +184,8 @@ impl Scans {
     pub(super) fn split(&mut self, truth: &KnownTruth) {
         for ((tyre, side, _), scans) in std::mem::take(&mut self.of_shoulder) {
             for scan in scans {
-                let day = truth.day_of(&tyre, side, scan.tapped_ns.map(|ns| ns.div_euclid(DAY_NS)));
+                let tapped = scan.tapped_ns.and_then(|ns| Timestamp::from_nanosecond(ns.into()).ok());
+                let day = truth.day_of(&tyre, side, tapped.map(|at| at.to_zoned(TimeZone::UTC).date()));
                 self.of_shoulder.entry((tyre.clone(), side, day)).or_default().push(scan);
             }
         }

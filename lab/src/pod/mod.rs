@@ -13,6 +13,7 @@ mod page;
 mod pictures;
 mod repeats;
 mod roc;
+mod scatter;
 mod truth;
 
 use std::path::{Path, PathBuf};
@@ -22,11 +23,12 @@ use tapline_host::arguments::ForceArgs;
 use tapline_host::atomic_file::{Existing, check_folder, write_texts};
 use tapline_host::messages::{print_line, say};
 
-use self::agreement::{Agreement, Scatter};
+use self::agreement::Agreement;
 use self::archives::Scans;
 use self::calls::CallRate;
 use self::repeats::Repeated;
 use self::roc::Roc;
+use self::scatter::Scatter;
 use self::truth::KnownTruth;
 use crate::evaluation::{Detection, Table, files_of, print_tables};
 
@@ -125,7 +127,7 @@ impl Findings {
         let rocs = roc::rocs(&inspected, args.seed);
         let calls = calls::calls(&inspected);
         let repeated = repeats::repeated(scans);
-        let (agreements, scatter) = (agreement::agreements(scans), agreement::scatter(scans));
+        let (agreements, scatter) = (agreement::agreements(scans), scatter::scatter(scans));
         let tables = vec![
             basis::table(scans, truth, &inspected, args),
             cracks::table(&detections),
@@ -133,7 +135,7 @@ impl Findings {
             calls::table(&calls),
             repeats::table(&repeated),
             agreement::table(&agreements),
-            agreement::scatter_table(&scatter),
+            scatter::table(&scatter),
             cracks::all(&inspected),
             inspected::table(&inspected),
         ];

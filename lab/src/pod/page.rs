@@ -1,10 +1,11 @@
 //! `page.md`: the findings in words, and the tables with their figures.
 
 use super::Findings;
-use super::agreement::{Agreement, Scatter};
+use super::agreement::Agreement;
 use super::calls::CallRate;
 use super::repeats::Repeated;
 use super::roc::Roc;
+use super::scatter::Scatter;
 use crate::evaluation::{Detection, Picture, cell, ends, page_of};
 
 const HEAD: &str = "# Results for casings that were scanned and inspected

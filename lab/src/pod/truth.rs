@@ -7,9 +7,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context as _, Result, bail, ensure};
-use tapline_acquire::{Error, TableRow, read_rows};
+use jiff::civil::Date;
+use tapline_acquire::{Error, TableRow, columns_of, read_rows};
 use tapline_wire::{Geometry, Serial};
-use toml::value::{Date, Datetime};
 
 /// Columns that the file must have.
 const COLUMNS: &[&str] = &["tyre", "shoulder", "first_location", "location_count"];
@@ -103,38 +103,23 @@ impl KnownTruth {
     /// A list of inspections has columns of its own: these are ignored. If one looks like a known column that is missing, it may be
     /// that column, misspelt.
     fn parse(file: &Path, text: &str) -> Result<Self> {
-        let mut ignored: Vec<&'static str> = Vec::new();
-        loop {
-            let error = match Self::with_columns(file, text, &ignored) {
-                Ok(truth) => {
-                    ignored.retain(|&column| column != NOTE);
-                    return Ok(Self { ignored, ..truth });
-                }
-                Err(error) => error,
-            };
-            let header = text.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
-            let is_misspelt =
-                |column: &str| OPTIONAL.iter().any(|known| !header.contains(known) && is_like(column, known));
-            match error.downcast_ref() {
-                Some(Error::Column { fault: "unknown", column, .. }) if !is_misspelt(column) => {
-                    // Columns are known by names that are never freed: these are few.
-                    ignored.push(column.clone().leak());
-                }
-                _ => return Err(error),
-            }
-        }
-    }
-
-    fn with_columns(file: &Path, text: &str, ignored: &[&'static str]) -> Result<Self> {
+        let text = text.trim_start_matches('\u{feff}');
+        let header = columns_of(text);
+        let has = |known: &str| header.iter().any(|column| column == known);
+        let is_misspelt = |column: &str| OPTIONAL.iter().any(|known| !has(known) && is_like(column, known));
+        let is_other = |column: &&String| ![COLUMNS, OPTIONAL].concat().contains(&column.as_str());
+        let others = header.iter().filter(is_other).filter(|column| !is_misspelt(column));
+        // Columns are known by names that are never freed: these are few.
+        let others: Vec<&'static str> = others.map(|column| &*column.clone().leak()).collect();
         let mut truth = Self::default();
-        let columns = (COLUMNS, &*[OPTIONAL, ignored].concat());
-        read_rows(file, text.trim_start_matches('\u{feff}'), columns, |row| {
+        read_rows(file, text, (COLUMNS, &[OPTIONAL, &others].concat()), |row| {
             let (shoulder, crack) = read_row(row)?;
             let took = truth.take(shoulder, crack, row.line());
             took.with_context(|| format!("{} line {}", file.display(), row.line()))
         })?;
         let is_empty = truth.shoulders.is_empty();
         ensure!(!is_empty, "{}: it has no row; it must state at least one shoulder", file.display());
+        truth.ignored = others.into_iter().filter(|&column| column != NOTE).collect();
         Ok(truth)
     }
 
@@ -162,10 +147,10 @@ impl KnownTruth {
     }
 
     /// The last day from which on the truth of a shoulder holds that is not after `day`; `None` if there is none.
-    pub(super) fn day_of(&self, tyre: &str, side: u16, day: Option<i64>) -> Option<Date> {
+    pub(super) fn day_of(&self, tyre: &str, side: u16, day: Option<Date>) -> Option<Date> {
         let of_shoulder = self.shoulders.range((tyre.to_owned(), side, None)..);
         let of_shoulder = of_shoulder.map(|(key, _)| key).take_while(|key| key.0 == tyre && key.1 == side);
-        of_shoulder.filter_map(|key| key.2).take_while(|&from| day.is_some_and(|day| day_number(from) <= day)).last()
+        of_shoulder.filter_map(|key| key.2).take_while(|&from| day.is_some_and(|day| from <= day)).last()
     }
 
     /// Leaves out the shoulders that are not in `scanned` and may be in an archive that was left out.
@@ -244,14 +229,6 @@ impl Crack {
     }
 }
 
-/// Days from 1970-01-01 to `date`. Years that begin in March end with their leap day.
-fn day_number(date: Date) -> i64 {
-    let month = i64::from(date.month);
-    let year = i64::from(date.year) - i64::from(month < 3);
-    let of_year = (153 * ((month + 9) % 12) + 2) / 5 + i64::from(date.day);
-    365 * year + year / 4 - year / 100 + year / 400 + of_year - 719_469
-}
-
 /// Whether a column named `name` may be the column `known`, misspelt: but for case and signs it has the same letters, up to two.
 fn is_like(name: &str, known: &str) -> bool {
     let letters = |text: &str| text.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect();
@@ -276,7 +253,7 @@ fn read_row(row: &TableRow<'_>) -> Result<(Shoulder, Option<Crack>), Error> {
     let tyre = Serial::new(row.text("tyre")).map_err(|error| row.refuse("tyre", error.bound()))?;
     let side = row.needed("shoulder", 1, u32::from(u16::MAX))?;
     let day = row.text("scanned_on");
-    let date = day.parse().ok().filter(|read: &Datetime| read.time.is_none()).and_then(|read| read.date);
+    let date = Date::strptime("%Y-%m-%d", day).ok();
     if date.is_none() && !day.is_empty() {
         return Err(row.refuse("scanned_on", "a day such as 2026-11-24, or empty"));
     }
@@ -384,22 +361,6 @@ mod tests {
         assert_eq!(parsed(&format!("size,{HEAD}9,A,1,3,2,7\n")).unwrap().ignored, ["size"]);
         let needed = format!("{:#}", parsed(&HEAD.replace("location_count", "locaton_count")).unwrap_err());
         assert!(needed.contains("missing column \"location_count\"; the columns are tyre,shoulder,"), "{needed}");
-    }
-
-    /// Catches a leap day, a century without one, and a day before 1970: by Python's `date.toordinal`.
-    #[test]
-    fn days_are_counted() {
-        let days = |text: &str| day_number(text.parse::<Datetime>().unwrap().date.unwrap());
-        for (text, expected) in [
-            ("1970-01-01", 0),
-            ("1969-12-31", -1),
-            ("2000-02-29", 11_016),
-            ("2000-03-01", 11_017),
-            ("2026-11-24", 20_781),
-            ("2100-12-31", 47_846),
-        ] {
-            assert_eq!(days(text), expected, "{text}");
-        }
     }
 
     /// Catches rows of casings that were not scanned, and arcs outside of what was.
