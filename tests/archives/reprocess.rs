@@ -146,6 +146,11 @@ fn the_same_taps_are_compared_wherever_they_come_from() {
         "{printed}"
     );
     assert!(!printed.contains("units or angles differ"), "{printed}");
+    // Recordings from elsewhere are other recordings, but their numbers are the same.
+    fs::create_dir(sandbox.path("before")).unwrap();
+    fs::copy(sandbox.path("run.h5"), sandbox.path("before/CRACKED.h5")).unwrap();
+    let end = sandbox.run("diff before twin --summary").expect(0).out;
+    assert_eq!(end, "1 casing compared: 1 has the same numbers, 0 verdicts differ\n");
     let turned = fs::read_to_string(sandbox.path("taps/taps.csv")).unwrap().replace(",1,9,", ",1,9.5,");
     sandbox.write("taps/taps.csv", &turned);
     sandbox.run("run --taps taps --reference self --out turned").expect(0);

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use rustix::process::Signal;
 use tapline_store::{Reader, verify};
+use tapline_testing::documents::csv_rows;
 use tapline_wire::{Purpose, TapState};
 
 use crate::line::{archived, file_of};
@@ -50,6 +51,18 @@ fn a_crack_is_tapped_again_before_it_is_judged() {
     assert!(reader.ledger().taps().iter().all(|&state| state == TapState::Archived));
     let (judgement, _) = reader.judgements().unwrap()[0].clone().unwrap();
     assert!(judgement.first_strongest_arc.is_finite() && judgement.strongest_arc >= judgement.limit_reject);
+    // The time of a scan is that of its first reading: the second one waits for the other shoulder.
+    let headers = reader.headers().unwrap();
+    let span_s = |is_taken: &dyn Fn(u32) -> bool| {
+        let rows = plan.scans()[0].taps.iter().filter(|&&row| is_taken(row));
+        let times_ns: Vec<i64> = rows.map(|&row| headers[row as usize].unwrap().tap_time_ns).collect();
+        (times_ns.iter().max().unwrap() - times_ns.iter().min().unwrap()) as f64 * 1e-9
+    };
+    let first_s = span_s(&|row| !plan.taps()[row as usize].is_second_reading());
+    let exported = csv_rows(&sandbox.run(&format!("export {} verdicts", file.display())).expect(0).out);
+    assert!(
+        (exported[0]["scan_s"].parse::<f64>().unwrap() - first_s).abs() < 1e-6 && span_s(&|_| true) > first_s + 1.0
+    );
     let live = reader.judgements().unwrap();
     drop(reader);
     let done = sandbox.run(&format!("reprocess {}", file.display())).expect(0);
