@@ -4,27 +4,27 @@ use std::time::Duration;
 
 use anyhow::Result;
 use tapline_bench::{Row, Sheet, Spread};
-use tapline_lab::hop::{Run, Size, Way, is_consumer, run};
+use tapline_lab::hop::{RecordSize, Run, Transport, is_consumer, run};
 
 const ROUNDS: usize = 7;
 /// Sizes of a record. A tap of 50 ms has 8 KiB, one of 0.4 s has 64 KiB.
 const SIZES_KIB: [usize; 5] = [4, 8, 64, 256, 1024];
-const WAYS: &[Way] = &[
-    Way::Topic,
-    Way::Socket,
-    Way::Pipe,
+const TRANSPORTS: &[Transport] = &[
+    Transport::Topic,
+    Transport::Socket,
+    Transport::Pipe,
     #[cfg(feature = "zeromq")]
-    Way::ZeroMq,
+    Transport::ZeroMq,
 ];
 /// Records of a paced run, and how many of them per second.
 const PACED: (u64, u32) = (1000, 500);
 /// Records of 64 KiB of an unpaced run; smaller ones are more, larger ones fewer.
 const FAST: u64 = 4000;
 
-/// All runs of one way and size.
+/// All runs of one transport and size.
 struct Case {
     kib: usize,
-    way: Way,
+    transport: Transport,
     paced: Vec<Run>,
     fast: Vec<Run>,
 }
@@ -33,7 +33,8 @@ fn main() -> Result<()> {
     if is_consumer()? {
         return Ok(());
     }
-    let of_size = |kib| WAYS.iter().map(move |&way| Case { kib, way, paced: Vec::new(), fast: Vec::new() });
+    let of_size =
+        |kib| TRANSPORTS.iter().map(move |&transport| Case { kib, transport, paced: Vec::new(), fast: Vec::new() });
     let mut cases: Vec<Case> = SIZES_KIB.into_iter().flat_map(of_size).collect();
     let period = Duration::from_secs(1) / PACED.1;
     let [small, .., large] = SIZES_KIB.map(|kib| kib * 1024);
@@ -41,11 +42,11 @@ fn main() -> Result<()> {
     for _ in 0..ROUNDS {
         for case in &mut cases {
             let count = (FAST * 64 / case.kib as u64).clamp(FAST / 16, 4 * FAST);
-            let size = Size::whole(case.kib * 1024);
-            case.paced.push(run(case.way, size, PACED.0, Some(period))?);
-            case.fast.push(run(case.way, size, count, None)?);
+            let size = RecordSize::whole(case.kib * 1024);
+            case.paced.push(run(case.transport, size, PACED.0, Some(period))?);
+            case.fast.push(run(case.transport, size, count, None)?);
         }
-        untouched.push(run(Way::Topic, Size { bytes: large, used: small }, PACED.0, Some(period))?);
+        untouched.push(run(Transport::Topic, RecordSize { bytes: large, used: small }, PACED.0, Some(period))?);
     }
     Sheet {
         title: "The hop".to_owned(),
@@ -75,15 +76,22 @@ fn of(runs: &[Run], value: fn(&Run) -> f64) -> Vec<f64> {
 
 /// The rows of the page; `untouched` are runs with the largest record, of which only the smallest size is used.
 fn rows(cases: &[Case], untouched: &[Run]) -> Vec<Row> {
-    let case = |kib, way| cases.iter().find(|case| case.kib == kib && case.way == way);
+    let case = |kib, transport| cases.iter().find(|case| case.kib == kib && case.transport == transport);
     let mut rows = Vec::new();
     for kib in SIZES_KIB {
-        let Some(ours) = case(kib, Way::Topic) else { continue };
+        let Some(ours) = case(kib, Transport::Topic) else { continue };
         let compared = |row: Row, runs: fn(&Case) -> &[Run], value: fn(&Run) -> f64| {
-            WAYS[1..].iter().filter_map(|&way| Some((way, case(kib, way)?))).fold(row, |row, (way, theirs)| {
-                let ratio = Spread::of_ratio(&of(runs(ours), value), &of(runs(theirs), value));
-                row.beside(&format!("of that over {}", name(way)), ratio, if way == Way::Socket { "<= 1" } else { "" })
-            })
+            TRANSPORTS[1..].iter().filter_map(|&transport| Some((transport, case(kib, transport)?))).fold(
+                row,
+                |row, (transport, theirs)| {
+                    let ratio = Spread::of_ratio(&of(runs(ours), value), &of(runs(theirs), value));
+                    row.beside(
+                        &format!("of that over {}", name(transport)),
+                        ratio,
+                        if transport == Transport::Socket { "<= 1" } else { "" },
+                    )
+                },
+            )
         };
         for (what, value) in [
             ("latency at 500 records/s, median", (|run| run.p50_us) as fn(&Run) -> f64),
@@ -92,7 +100,8 @@ fn rows(cases: &[Case], untouched: &[Run]) -> Vec<Row> {
         ] {
             let mut row = Row::new(format!("{kib} KiB: {what}"), "us", &of(&ours.paced, value));
             row = compared(row, |case| &case.paced, value);
-            if let (true, Some(small)) = (what.ends_with("median") && kib == 1024, case(SIZES_KIB[0], Way::Topic)) {
+            if let (true, Some(small)) = (what.ends_with("median") && kib == 1024, case(SIZES_KIB[0], Transport::Topic))
+            {
                 let ratio = Spread::of_ratio(&of(&ours.paced, value), &of(&small.paced, value));
                 row = row.beside("of that of 4 KiB", ratio, "<= 1.5");
             }
@@ -105,7 +114,7 @@ fn rows(cases: &[Case], untouched: &[Run]) -> Vec<Row> {
         );
         rows.push(compared(row, |case| &case.fast, |run| run.elapsed_us));
     }
-    if let Some(small) = case(SIZES_KIB[0], Way::Topic) {
+    if let Some(small) = case(SIZES_KIB[0], Transport::Topic) {
         let ours = of(untouched, |run| run.p50_us);
         let ratio = Spread::of_ratio(&ours, &of(&small.paced, |run| run.p50_us));
         let what = "1024 KiB, of which 4 KiB are filled and read: latency at 500 records/s, median";
@@ -114,10 +123,10 @@ fn rows(cases: &[Case], untouched: &[Run]) -> Vec<Row> {
     rows
 }
 
-fn name(way: Way) -> &'static str {
-    match way {
-        Way::Socket => "a Unix socket",
-        Way::Pipe => "a pipe",
-        way => way.name(),
+fn name(transport: Transport) -> &'static str {
+    match transport {
+        Transport::Socket => "a Unix socket",
+        Transport::Pipe => "a pipe",
+        transport => transport.name(),
     }
 }

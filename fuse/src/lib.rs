@@ -74,7 +74,7 @@ pub use error::Error;
 pub use fusion::{Fusion, OffsetMap};
 pub use reference::build::{Built, build_reference};
 pub use reference::file::{Origin, ReferenceSet};
-pub use reference::known_shoulder::{KnownShoulder, Turn};
+pub use reference::known_shoulder::{KnownShoulder, KnownTurn};
 pub use reference::summary::{ScaleLine, Summary};
 pub use reference::supported::unsupported;
 pub use run::{Outcome, RunError, run};

@@ -57,13 +57,13 @@ where
     let failed = |source| WriteError::Failed { path: path.to_owned(), source };
     let io = |error: io::Error| failed(error.into());
     let place = match place_of(path) {
-        Place::Standard(fd) => return write(fd.map_err(io)?).map_err(|error| failed(error.into())),
+        Destination::Standard(fd) => return write(fd.map_err(io)?).map_err(|error| failed(error.into())),
         // Replacing a device with a file would take it from everyone on the machine.
-        Place::There => {
+        Destination::There => {
             let file = OpenOptions::new().append(true).open(path).map_err(io)?;
             return write(file).map_err(|error| failed(error.into()));
         }
-        Place::File(place) => place,
+        Destination::File(place) => place,
     };
     check_free(path, &place, existing)?;
     let draft = place.with_added_extension(format!("{}.new", std::process::id()));
@@ -86,8 +86,8 @@ where
 /// [`WriteError::Exists`] and [`WriteError::IsHdf5`].
 pub fn check_writable(path: &Path, existing: Existing) -> Result<(), WriteError> {
     match place_of(path) {
-        Place::File(place) => check_free(path, &place, existing),
-        Place::Standard(_) | Place::There => Ok(()),
+        Destination::File(place) => check_free(path, &place, existing),
+        Destination::Standard(_) | Destination::There => Ok(()),
     }
 }
 
@@ -145,7 +145,7 @@ fn publish(path: &Path, place: &Path, draft: &Path, existing: Existing) -> Resul
 }
 
 /// Where a path leads.
-enum Place {
+enum Destination {
     /// To this program's own output, to which other holders append after what is written here.
     Standard(io::Result<File>),
     /// To something that takes writes: a device, a pipe, or a file that a process has open.
@@ -154,7 +154,7 @@ enum Place {
     File(PathBuf),
 }
 
-fn place_of(path: &Path) -> Place {
+fn place_of(path: &Path) -> Destination {
     let mut place = path.to_owned();
     for _ in 0..LINKS_MAX {
         let folder = place.parent().unwrap_or(Path::new("")).to_owned();
@@ -163,17 +163,17 @@ fn place_of(path: &Path) -> Place {
         if let Some(folder) = of_processes {
             let is_own = Path::new("/proc/self/fd").canonicalize().is_ok_and(|own| own == folder);
             return match place.file_name().and_then(|name| name.to_str()) {
-                Some("1") if is_own => Place::Standard(io::stdout().as_fd().try_clone_to_owned().map(File::from)),
-                Some("2") if is_own => Place::Standard(io::stderr().as_fd().try_clone_to_owned().map(File::from)),
-                _ => Place::There,
+                Some("1") if is_own => Destination::Standard(io::stdout().as_fd().try_clone_to_owned().map(File::from)),
+                Some("2") if is_own => Destination::Standard(io::stderr().as_fd().try_clone_to_owned().map(File::from)),
+                _ => Destination::There,
             };
         }
         let Ok(next) = place.read_link() else { break };
         place = folder.join(next);
     }
     match fs::metadata(&place) {
-        Ok(there) if !there.is_file() && !there.is_dir() => Place::There,
-        _ => Place::File(place),
+        Ok(there) if !there.is_file() && !there.is_dir() => Destination::There,
+        _ => Destination::File(place),
     }
 }
 

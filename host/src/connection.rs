@@ -115,21 +115,21 @@ pub fn end_if_gone(stream: &impl AsFd, after: Duration) {
 
 /// How many connections a server has, in all and of each machine, with bounds: a machine that takes all it gets keeps no other out.
 #[derive(Debug)]
-pub struct Places {
+pub struct Slots {
     most: usize,
     most_of_one: usize,
     counts: Mutex<BTreeMap<IpAddr, usize>>,
 }
 
-/// The place of a connection, until this is dropped.
+/// The slot of a connection, until this is dropped.
 #[derive(Debug)]
-pub struct Place {
-    places: Arc<Places>,
+pub struct Slot {
+    slots: Arc<Slots>,
     of: IpAddr,
 }
 
-impl Places {
-    /// Places for `most` connections at once, `most_of_one` of them of one machine.
+impl Slots {
+    /// Slots for `most` connections at once, `most_of_one` of them of one machine.
     pub fn new(most: usize, most_of_one: usize) -> Arc<Self> {
         Arc::new(Self { most, most_of_one, counts: Mutex::default() })
     }
@@ -138,21 +138,21 @@ impl Places {
         self.counts.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A place for a connection of the machine `of`; `None` if there is none.
-    pub fn take(self: &Arc<Self>, of: IpAddr) -> Option<Place> {
+    /// A slot for a connection of the machine `of`; `None` if there is none.
+    pub fn take(self: &Arc<Self>, of: IpAddr) -> Option<Slot> {
         let mut counts = self.counts();
         let is_full = counts.values().sum::<usize>() >= self.most;
         if is_full || counts.get(&of).is_some_and(|&count| count >= self.most_of_one) {
             return None;
         }
         *counts.entry(of).or_default() += 1;
-        Some(Place { places: Arc::clone(self), of })
+        Some(Slot { slots: Arc::clone(self), of })
     }
 }
 
-impl Drop for Place {
+impl Drop for Slot {
     fn drop(&mut self) {
-        let mut counts = self.places.counts();
+        let mut counts = self.slots.counts();
         if let Some(count) = counts.get_mut(&self.of) {
             *count -= 1;
         }
@@ -173,11 +173,11 @@ mod tests {
 
     use super::*;
 
-    /// Catches a machine that takes all places and keeps the others out, and places that are lost when their connections end.
+    /// Catches a machine that takes all slots and keeps the others out, and slots that are lost when their connections end.
     #[test]
-    fn one_machine_does_not_take_all_places() {
-        let places = Places::new(8, 6);
-        let take_all = |last: u8| from_fn(|| places.take([10, 0, 0, last].into())).collect::<Vec<Place>>();
+    fn one_machine_does_not_take_all_slots() {
+        let slots = Slots::new(8, 6);
+        let take_all = |last: u8| from_fn(|| slots.take([10, 0, 0, last].into())).collect::<Vec<Slot>>();
         let of_one = take_all(1);
         assert_eq!(of_one.len(), 6);
         let others: Vec<_> = (2..4).map(take_all).collect();

@@ -25,7 +25,7 @@ const STARTED: &str = "started\n";
 
 /// How records travel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Way {
+pub enum Transport {
     /// Through shared memory, as on a line.
     Topic,
     /// Through a Unix socket to each consumer.
@@ -37,7 +37,7 @@ pub enum Way {
     ZeroMq,
 }
 
-impl Way {
+impl Transport {
     /// The ways in the atlas.
     pub const ALL: [Self; 3] = [Self::Topic, Self::Socket, Self::Pipe];
 
@@ -55,14 +55,14 @@ impl Way {
 
 /// Size of a record in bytes, and how many of them, from the first on, are filled and read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Size {
+pub struct RecordSize {
     /// Of the record.
     pub bytes: usize,
     /// Bytes filled and read. Only shared memory can carry more: its layer zeroes the others, and nobody reads them.
     pub used: usize,
 }
 
-impl Size {
+impl RecordSize {
     /// A record that is filled and read whole.
     pub fn whole(bytes: usize) -> Self {
         Self { bytes, used: bytes }
@@ -84,21 +84,21 @@ pub struct Run {
     pub p99_us: f64,
 }
 
-/// Sends `count` records of `size` over `way`, one per `period` or as fast as they are read.
+/// Sends `count` records of `size` over `transport`, one per `period` or as fast as they are read.
 ///
 /// # Errors
 /// A record that does not arrive whole and in order, or an error of the system.
-pub fn run(way: Way, size: Size, count: u64, period: Option<Duration>) -> Result<Run> {
+pub fn run(transport: Transport, size: RecordSize, count: u64, period: Option<Duration>) -> Result<Run> {
     let bytes = size.bytes;
-    ensure!(way == Way::Topic || size.used == bytes, "{} only carries whole records", way.name());
-    let (cpu_ns, begun_ns, reports) = match way {
-        Way::Topic => over_topic(size, count, period)?,
-        Way::Socket | Way::Pipe => over_stream(way, bytes, count, period)?,
+    ensure!(transport == Transport::Topic || size.used == bytes, "{} only carries whole records", transport.name());
+    let (cpu_ns, begun_ns, reports) = match transport {
+        Transport::Topic => over_topic(size, count, period)?,
+        Transport::Socket | Transport::Pipe => over_stream(transport, bytes, count, period)?,
         #[cfg(feature = "zeromq")]
-        Way::ZeroMq => over_zeromq(bytes, count, period)?,
+        Transport::ZeroMq => over_zeromq(bytes, count, period)?,
     };
     for report in &reports {
-        ensure!(report.count == count && report.bad == 0, "{}: {report:?} of {count} records", way.name());
+        ensure!(report.count == count && report.bad == 0, "{}: {report:?} of {count} records", transport.name());
     }
     let [a, b] = reports;
     let last_ns = if a.last_ns > b.last_ns { a.last_ns } else { b.last_ns };
@@ -155,8 +155,8 @@ fn produce(count: u64, period: Option<Duration>, mut send: impl FnMut(u64) -> Re
     Ok((process_cpu_ns() - cpu_before, begun_ns))
 }
 
-fn over_topic(size: Size, count: u64, period: Option<Duration>) -> Result<(u64, i64, [Report; 2])> {
-    let Size { bytes, used } = size;
+fn over_topic(size: RecordSize, count: u64, period: Option<Duration>) -> Result<(u64, i64, [Report; 2])> {
+    let RecordSize { bytes, used } = size;
     let address = LineAddress::fresh()?;
     let name = address.root().display();
     let outcome = {
@@ -182,11 +182,16 @@ fn over_topic(size: Size, count: u64, period: Option<Duration>) -> Result<(u64, 
     Ok(outcome)
 }
 
-fn over_stream(way: Way, bytes: usize, count: u64, period: Option<Duration>) -> Result<(u64, i64, [Report; 2])> {
+fn over_stream(
+    transport: Transport,
+    bytes: usize,
+    count: u64,
+    period: Option<Duration>,
+) -> Result<(u64, i64, [Report; 2])> {
     let (mut ends, mut consumers) = (Vec::new(), Vec::new());
     for _ in 0..2 {
-        let (ours, theirs): (OwnedFd, OwnedFd) = match way {
-            Way::Socket => UnixStream::pair().map(|(a, b)| (a.into(), b.into()))?,
+        let (ours, theirs): (OwnedFd, OwnedFd) = match transport {
+            Transport::Socket => UnixStream::pair().map(|(a, b)| (a.into(), b.into()))?,
             _ => io::pipe().map(|(reader, writer)| (writer.into(), reader.into()))?,
         };
         ends.push(File::from(ours));
@@ -311,7 +316,7 @@ fn consume(role: &str) -> Result<()> {
         bail!("{ROLE} is {role:?}; only this program may set it")
     };
     let number = |word: &str| word.parse::<usize>().with_context(|| format!("{ROLE} is {role:?}"));
-    let size = Size { bytes: number(bytes)?, used: number(used)? };
+    let size = RecordSize { bytes: number(bytes)?, used: number(used)? };
     io::stdout().write_all(STARTED.as_bytes())?;
     let seen = match kind {
         "process" => from_topic(Role::Process, size, name)?,
@@ -324,7 +329,7 @@ fn consume(role: &str) -> Result<()> {
     seen.report()
 }
 
-fn from_topic(role: Role, size: Size, name: &str) -> Result<Seen> {
+fn from_topic(role: Role, size: RecordSize, name: &str) -> Result<Seen> {
     let line = Line::join(&LineAddress::at(name.as_ref())?, role, &limits(size.bytes), Arc::default())?;
     let taps = Subscriber::<TapTopic>::open(&line)?;
     let mut seen = Seen::default();

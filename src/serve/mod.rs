@@ -35,7 +35,7 @@ use axum::{BoxError, Router};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use maud::html;
-use tapline_host::connection::{Places, end_if_gone, listen};
+use tapline_host::connection::{Slots, end_if_gone, listen};
 use tapline_wire::{Reasons, now_ns};
 use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, watch};
@@ -156,7 +156,7 @@ impl Drop for Server {
 
 async fn serve(listener: std::net::TcpListener, app: App) -> std::io::Result<()> {
     let listener = TcpListener::from_std(listener)?;
-    let places = Places::new(CONNECTIONS_MAX, OF_ONE_MAX);
+    let slots = Slots::new(CONNECTIONS_MAX, OF_ONE_MAX);
     let mut statuses = app.statuses.clone();
     let ended = async { while statuses.changed().await.is_ok() {} };
     tokio::pin!(ended);
@@ -174,7 +174,7 @@ async fn serve(listener: std::net::TcpListener, app: App) -> std::io::Result<()>
             },
             () = &mut ended => break,
         };
-        let Some(place) = places.take(from.ip()) else {
+        let Some(slot) = slots.take(from.ip()) else {
             tracing::debug!(
                 "{from} is refused: at most {CONNECTIONS_MAX} viewers' connections, {OF_ONE_MAX} of one machine"
             );
@@ -188,7 +188,7 @@ async fn serve(listener: std::net::TcpListener, app: App) -> std::io::Result<()>
             if let Err(error) = http.serve_connection(TokioIo::new(stream), service).await {
                 tracing::debug!(%error, "a viewer has gone");
             }
-            drop(place);
+            drop(slot);
         });
     }
     tokio::time::sleep(END_WITHIN).await;

@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use anyhow::{Context as _, Result};
-use tapline_host::connection::{Place, Places, end_if_gone, listen};
+use tapline_host::connection::{Slot, Slots, end_if_gone, listen};
 use tapline_wire::now_ns;
 use tokio::net::{TcpListener, TcpStream};
 use tokio_modbus::server::Service;
@@ -84,16 +84,16 @@ pub(super) fn start(config: &ModbusConfig, plant: &Plant) -> Result<(Wire, Socke
 
 async fn serve(listener: std::net::TcpListener, registers: Arc<Registers>, mut news: News) -> Result<()> {
     let server = Server::new(TcpListener::from_std(listener)?);
-    let (places, has_warned) = (Places::new(CONNECTIONS_MAX, OF_ONE_MAX), AtomicBool::new(false));
+    let (slots, has_warned) = (Slots::new(CONNECTIONS_MAX, OF_ONE_MAX), AtomicBool::new(false));
     let client = |stream: TcpStream, from: SocketAddr| {
         end_if_gone(&stream, GONE_AFTER);
-        let place = places.take(from.ip());
-        if place.is_none() && !has_warned.swap(true, Ordering::Relaxed) {
+        let slot = slots.take(from.ip());
+        if slot.is_none() && !has_warned.swap(true, Ordering::Relaxed) {
             tracing::warn!(
                 "modbus: {from} is refused: at most {CONNECTIONS_MAX} connections, {OF_ONE_MAX} of one machine"
             );
         }
-        let client = place.map(|place| Client { registers: Arc::clone(&registers), _place: place });
+        let client = slot.map(|slot| Client { registers: Arc::clone(&registers), _slot: slot });
         ready(Ok(client.map(|client| (client, stream))))
     };
     let accept = async {
@@ -122,7 +122,7 @@ async fn serve(listener: std::net::TcpListener, registers: Arc<Registers>, mut n
 /// A connection.
 struct Client {
     registers: Arc<Registers>,
-    _place: Place,
+    _slot: Slot,
 }
 
 impl Service for Client {

@@ -75,20 +75,20 @@ pub fn build_reference(of: &Built, shoulders: Vec<KnownShoulder>) -> Result<Refe
 }
 
 /// What labels show of one discriminator.
-struct Learned {
+struct LabelAuc {
     /// Probability that it is greater at a cracked location than at a sound one.
     auc: f64,
     /// Whether that differs from a half by more than chance.
     is_sure: bool,
 }
 
-fn learned(pattern: &Pattern, shoulders: &[Shoulder], directions: Directions) -> BTreeMap<Discriminator, Learned> {
+fn learned(pattern: &Pattern, shoulders: &[Shoulder], directions: Directions) -> BTreeMap<Discriminator, LabelAuc> {
     let config = FuseConfig { discriminators: Discriminator::ALL.to_vec(), directions, ..FuseConfig::default() };
     let setup = Setup::new(&config, &pattern.conditions, false, false);
     let all: Vec<&Shoulder> = shoulders.iter().collect();
     let sound: Vec<Vec<bool>> = all.iter().map(|shoulder| shoulder.sound()).collect();
     let Some(index) = index::fit(&setup, &all, &sound) else { return BTreeMap::new() };
-    let mut all_seen: Vec<Seen> = vec![Seen::default(); Discriminator::COUNT];
+    let mut all_seen: Vec<LabelledScores> = vec![LabelledScores::default(); Discriminator::COUNT];
     for casing in all.chunk_by(|a, b| a.casing == b.casing) {
         for (shoulder, found) in casing.iter().zip(index.scores(casing)) {
             for (d, seen) in all_seen.iter_mut().enumerate() {
@@ -96,8 +96,8 @@ fn learned(pattern: &Pattern, shoulders: &[Shoulder], directions: Directions) ->
             }
         }
     }
-    let learn = |(which, seen): (Discriminator, Seen)| {
-        let Seen { scores, labels, crack_count } = seen;
+    let learn = |(which, seen): (Discriminator, LabelledScores)| {
+        let LabelledScores { scores, labels, crack_count } = seen;
         let cracked = labels.iter().filter(|&&label| label).count();
         let sound = labels.len() - cracked;
         let signed = auc(&scores, &labels)?;
@@ -107,21 +107,21 @@ fn learned(pattern: &Pattern, shoulders: &[Shoulder], directions: Directions) ->
         let (m, n) = (f64::from(crack_count), sound as f64);
         let error = ((m + n + 1.0) / (12.0 * m * n)).sqrt();
         let is_sure = cracked >= CLASS_MIN && sound >= CLASS_MIN && (rising - 0.5).abs() > SURE_AT * error;
-        Some((which, Learned { auc: rising, is_sure }))
+        Some((which, LabelAuc { auc: rising, is_sure }))
     };
     Discriminator::ALL.into_iter().zip(all_seen).filter_map(learn).collect()
 }
 
 /// What labelled locations have of one discriminator.
 #[derive(Debug, Clone, Default)]
-struct Seen {
+struct LabelledScores {
     scores: Vec<f64>,
     /// Whether each is cracked.
     labels: Vec<bool>,
     crack_count: u32,
 }
 
-impl Seen {
+impl LabelledScores {
     /// Adds the locations of `shoulder` that have a label and a score.
     fn add(&mut self, shoulder: &Shoulder, score: &impl Fn(usize) -> f64) {
         let label = |place: usize| shoulder.is_cracked[place].filter(|_| score(place).is_finite());

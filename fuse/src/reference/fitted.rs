@@ -10,7 +10,7 @@ use crate::index::{self, Index, Scores, Setup};
 use crate::reference::supported::supported_rate;
 use crate::shoulder::Shoulder;
 use crate::stats::mean_and_sd;
-use crate::verdict::whole_shoulder::{Levels, SoundPlaces};
+use crate::verdict::whole_shoulder::{SoundLevels, SoundPlaces};
 
 /// Fewest values that give the scatter of sound places: with fewer, limits that pass sound shoulders pass strong cracks
 /// (`docs/rates.md`).
@@ -28,7 +28,7 @@ pub(crate) struct FittedReference {
     pub statistic: ArcStatistic,
     pub limits: Limits,
     /// Levels of whole shoulders; `None` where shoulders are their own reference.
-    pub levels: Option<Levels>,
+    pub levels: Option<SoundLevels>,
     /// How many casings the limits rest on; none where shoulders are their own reference.
     pub casing_count: usize,
     /// Strongest arc of each of its shoulders, judged by other casings, and the number of its casing. Of a shoulder with known cracks, the
@@ -80,7 +80,7 @@ impl FittedReference {
         let limits = Limits::by(&values, casing_count, white);
         let sound =
             || all.iter().zip(&scores).map(|(shoulder, scores)| SoundPlaces::found(shoulder, &scores.is_inlier));
-        let levels = (!setup.is_own).then(|| Levels::fit(&setup, &sound().collect::<Vec<_>>()));
+        let levels = (!setup.is_own).then(|| SoundLevels::fit(&setup, &sound().collect::<Vec<_>>()));
         Some(Self {
             setup,
             index,

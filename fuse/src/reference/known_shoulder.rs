@@ -11,7 +11,7 @@ use crate::reference::pattern::Pattern;
 use crate::shoulder::conditions::edge_distance_mm;
 use crate::shoulder::ring::Ring;
 use crate::shoulder::velocity::Normalisation;
-use crate::shoulder::{self, Shoulder};
+use crate::shoulder::{Shoulder, Turn};
 
 /// A location of a scan matches one of the reference if their angles differ by less.
 const ANGLE_SLACK_DEG: f64 = 0.5;
@@ -36,13 +36,13 @@ pub struct KnownShoulder {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub is_cracked: Option<Vec<bool>>,
     /// Its taps, turn by turn.
-    pub turns: Vec<Turn>,
+    pub turns: Vec<KnownTurn>,
 }
 
 /// The taps of one shoulder at one offset, velocity and repetition; by location, `None` where nothing came.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Turn {
+pub struct KnownTurn {
     /// Offset from the belt edge.
     pub offset_mm: Option<f64>,
     /// Velocity that was meant.
@@ -69,7 +69,7 @@ impl KnownShoulder {
 
     /// At how many locations something came of a tap at the belt edge.
     pub(crate) fn edge_length(&self) -> usize {
-        let distance = |turn: &&Turn| edge_distance_mm(turn.offset_mm);
+        let distance = |turn: &&KnownTurn| edge_distance_mm(turn.offset_mm);
         let Some(edge) = self.turns.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))) else { return 0 };
         let turns = || self.turns.iter().filter(|turn| distance(turn).total_cmp(&distance(&edge)).is_eq());
         let came = |place: &usize| turns().any(|turn| turn.values.values().any(|column| column[*place].is_some()));
@@ -102,7 +102,7 @@ impl KnownShoulder {
         Serial::new(&self.tyre).ok()
     }
 
-    pub(super) fn tap_id(&self, turn: &Turn) -> Option<TapId> {
+    pub(super) fn tap_id(&self, turn: &KnownTurn) -> Option<TapId> {
         let mut id = TapId::new(0, self.serial()?, self.shoulder, 0);
         id.repetition = turn.repetition;
         id.with_offset_mm(turn.offset_mm).ok()?.with_velocity_m_per_s(turn.velocity_m_per_s).ok()
@@ -116,7 +116,7 @@ impl KnownShoulder {
         let kept: Vec<usize> = (0..self.locations.len()).filter(is_kept).collect();
         let located: Vec<(u32, Option<f64>)> = kept.iter().map(|&k| (self.locations[k], self.angles_deg[k])).collect();
         let number = |turn| Some((pattern.conditions.number(&self.tap_id(turn)?)?, turn));
-        let mut turns: Vec<(usize, &Turn)> = self.turns.iter().filter_map(number).collect();
+        let mut turns: Vec<(usize, &KnownTurn)> = self.turns.iter().filter_map(number).collect();
         turns.sort_by_key(|(condition, turn)| (*condition, turn.repetition));
         let mut shoulder = Shoulder {
             ring: Ring::of(self.geometry, &located, self.closing_location),
@@ -128,7 +128,7 @@ impl KnownShoulder {
             },
         };
         // The values of `turn` at the `locations` that the scan has.
-        let values = |condition: usize, turn: &Turn, locations: &[u32]| {
+        let values = |condition: usize, turn: &KnownTurn, locations: &[u32]| {
             let value = |&place: &usize| {
                 let location = &self.locations[place];
                 let measured = turn.velocities_measured_m_per_s[place].unwrap_or(f64::NAN);
@@ -137,7 +137,7 @@ impl KnownShoulder {
                     false => Values::default(),
                 }
             };
-            shoulder::Turn::new(condition, kept.iter().map(value).collect())
+            Turn::new(condition, kept.iter().map(value).collect())
         };
         for same in turns.chunk_by(|a, b| a.0 == b.0) {
             for (rank, &(condition, turn)) in same.iter().enumerate() {
@@ -161,8 +161,9 @@ impl KnownShoulder {
             return Some(format!("the locations of {} are not ascending", name()));
         }
         let lengths = [self.angles_deg.len(), self.is_cracked.as_ref().map_or(count, Vec::len)];
-        let columns =
-            |turn: &Turn| turn.values.values().map(Vec::len).chain([turn.velocities_measured_m_per_s.len()]).collect();
+        let columns = |turn: &KnownTurn| {
+            turn.values.values().map(Vec::len).chain([turn.velocities_measured_m_per_s.len()]).collect()
+        };
         let in_turns: Vec<usize> = self.turns.iter().flat_map(|turn| -> Vec<usize> { columns(turn) }).collect();
         if let Some(other) = lengths.into_iter().chain(in_turns).find(|&length| length != count) {
             return Some(format!("{} has {count} locations, and a column of {other}", name()));
@@ -179,14 +180,14 @@ impl KnownShoulder {
 }
 
 /// What came of the taps, turn by turn, but for those that closed a ring or were made again.
-fn turns_of(plan: &Plan, planned: &Scan, records: &[Discriminators]) -> Vec<Turn> {
+fn turns_of(plan: &Plan, planned: &Scan, records: &[Discriminators]) -> Vec<KnownTurn> {
     let is_of_use = |record: &&Discriminators| {
         !record.quality.contains(Quality::REFUSED) && !record.quality.contains(Quality::RETAKE)
     };
     let by_row: BTreeMap<u32, &Discriminators> =
         records.iter().filter(is_of_use).map(|record| (record.plan_index, record)).collect();
     let empty = || vec![None; planned.locations.len()];
-    let mut turns: BTreeMap<(Option<u64>, Option<u64>, u16), Turn> = BTreeMap::new();
+    let mut turns: BTreeMap<(Option<u64>, Option<u64>, u16), KnownTurn> = BTreeMap::new();
     for &row in &planned.taps {
         let tap = &plan.taps()[row as usize];
         let place = planned.locations.binary_search_by_key(&tap.id.location, |&(location, _)| location);
@@ -194,7 +195,7 @@ fn turns_of(plan: &Plan, planned: &Scan, records: &[Discriminators]) -> Vec<Turn
         let velocity_m_per_s = plan.velocity_nominal_m_per_s(row);
         let bits = |of: Option<f64>| of.map(f64::to_bits);
         let key = (bits(tap.id.offset_mm()), bits(velocity_m_per_s), tap.id.repetition);
-        let turn = turns.entry(key).or_insert_with(|| Turn {
+        let turn = turns.entry(key).or_insert_with(|| KnownTurn {
             offset_mm: tap.id.offset_mm(),
             velocity_m_per_s,
             repetition: tap.id.repetition,
@@ -211,7 +212,7 @@ fn turns_of(plan: &Plan, planned: &Scan, records: &[Discriminators]) -> Vec<Turn
     turns.into_values().collect()
 }
 
-impl Turn {
+impl KnownTurn {
     /// The discriminators at `place`.
     pub(super) fn at(&self, place: usize) -> Values {
         let mut values = Values::default();

@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 use crate::arcs::limits::Limits;
 use crate::reference::fitted::{FittedReference, dealt};
 use crate::shoulder::Shoulder;
-use crate::verdict::whole_shoulder::{Levels, SoundPlaces};
+use crate::verdict::whole_shoulder::{SoundLevels, SoundPlaces};
 
 /// Probability that a sound casing stands out by an arc, or by the level of a shoulder. Below the rate at which shoulders are
 /// rejected: a reference has many casings, and without its widest ones its limits are too narrow.
@@ -44,7 +44,7 @@ fn by_levels(fitted: &FittedReference, shoulders: &[Shoulder]) -> Vec<usize> {
         let mut least = Vec::new();
         for (group, others) in dealt(&casings) {
             let others: Vec<_> = others.into_iter().flatten().map(|other| SoundPlaces::known(other)).collect();
-            let levels = Levels::fit(&fitted.setup, &others);
+            let levels = SoundLevels::fit(&fitted.setup, &others);
             for casing in group {
                 let places: Vec<SoundPlaces<'_>> = casing.iter().map(|shoulder| SoundPlaces::known(shoulder)).collect();
                 let of = |place: usize| levels.probability(&places[place], places.get(1 - place));

@@ -42,16 +42,16 @@ impl<'a> SoundPlaces<'a> {
 
 /// The levels of sound shoulders.
 #[derive(Debug, Clone)]
-pub(crate) struct Levels {
+pub(crate) struct SoundLevels {
     /// Mean of each discriminator by condition; NaN where there is none.
     means: Vec<[f64; Discriminator::COUNT]>,
     /// How they differ from shoulder to shoulder, where there are enough casings.
-    spread: Option<Spread>,
+    spread: Option<LevelScatter>,
 }
 
 /// The spread of the levels of sound shoulders.
 #[derive(Debug, Clone)]
-struct Spread {
+struct LevelScatter {
     /// Those of [`FREE_OF_GAIN`] that the reference has.
     discriminators: Vec<Discriminator>,
     casing_count: usize,
@@ -61,7 +61,7 @@ struct Spread {
     of_difference: Option<(Mat<f64>, usize)>,
 }
 
-impl Levels {
+impl SoundLevels {
     /// What the shoulders of a reference teach.
     ///
     /// A shoulder that is known to be cracked at more than half of its places does not show the level of a sound one.
@@ -78,7 +78,7 @@ impl Levels {
         };
         let means = (0..setup.offset_of.len()).map(|c| Discriminator::ALL.map(|which| mean_of(c, which))).collect();
         let mut levels = Self { means, spread: None };
-        levels.spread = Spread::fit(&levels, &shoulders);
+        levels.spread = LevelScatter::fit(&levels, &shoulders);
         levels
     }
 
@@ -118,8 +118,8 @@ impl Levels {
     }
 }
 
-impl Spread {
-    /// [`Levels::probability`] of levels that lie `above` the reference's, with this `difference` from the other shoulder of the casing.
+impl LevelScatter {
+    /// [`SoundLevels::probability`] of levels that lie `above` the reference's, with this `difference` from the other shoulder of the casing.
     fn probability(&self, above: &[f64], difference: Option<&[f64]>) -> Option<f64> {
         let (n, p) = (self.casing_count as f64, self.discriminators.len() as f64);
         // Hotelling's T^2 of a new observation, by a mean square about the mean. The shoulders of a casing are alike: casings count.
@@ -136,7 +136,7 @@ impl Spread {
 
     /// The spread of the levels of `shoulders`, whose means are in `levels`; `None` with fewer than [`CASINGS_MIN`] casings, or where their
     /// levels do not vary.
-    fn fit(levels: &Levels, shoulders: &[&SoundPlaces<'_>]) -> Option<Self> {
+    fn fit(levels: &SoundLevels, shoulders: &[&SoundPlaces<'_>]) -> Option<Self> {
         let has = |which: &Discriminator| {
             shoulders.iter().all(|of| of.shoulder.turns.iter().any(|turn| level(of, turn, *which).is_some()))
         };
@@ -209,7 +209,7 @@ mod tests {
                     (0..WIDTH).map(|d| casings.iter().map(|c| c[d]).sum::<f64>() / count as f64).collect();
                 let rows: Vec<Vec<f64>> = casings.iter().map(|casing| minus(casing, &mean)).collect();
                 let differences: Vec<Vec<f64>> = (0..count).map(|_| draw()).collect();
-                let spread = Spread {
+                let spread = LevelScatter {
                     discriminators: FREE_OF_GAIN.to_vec(),
                     casing_count: count,
                     of_shoulder: mean_square(&rows, WIDTH).unwrap(),

@@ -62,7 +62,7 @@ pub(crate) struct Asked {
 
 /// The counts of a cell.
 #[derive(Debug)]
-pub(crate) struct Cell {
+pub(crate) struct SceneCounts {
     scene: Scene,
     /// Casings of the reference, as [`casings`] has them.
     by: usize,
@@ -82,7 +82,7 @@ pub(crate) fn judge_cell(
     casings: usize,
     (seed, groups): (u64, u64),
     asked: Asked,
-) -> Result<Cell> {
+) -> Result<SceneCounts> {
     let mut judged = Vec::new();
     let (mut standing_out, mut seconds) = (0, 0.0);
     for seed in seed..seed + groups {
@@ -100,10 +100,10 @@ pub(crate) fn judge_cell(
         judged.extend(found.into_iter().flatten());
         seconds += begun.elapsed().as_secs_f64();
     }
-    Ok(Cell { scene, by, repetitions, judged, standing_out, seconds })
+    Ok(SceneCounts { scene, by, repetitions, judged, standing_out, seconds })
 }
 
-impl Cell {
+impl SceneCounts {
     pub(crate) fn write_head(out: &mut impl Write) -> Result<()> {
         let verdicts = Verdict::ALL.map(|v| format!("{:>30}", format!("{v}"))).concat();
         writeln!(

@@ -16,7 +16,7 @@ use tapline_lab::simulated::{Reading, Scene, Simulator, Times};
 use tapline_plate::ScanShape;
 use tapline_process::{DurationEstimator, ProcessConfig};
 
-use cells::{Asked, Cell, Policy, casings, judge_cell, named};
+use cells::{Asked, Policy, SceneCounts, casings, judge_cell, named};
 use sets::Sets;
 
 /// Judges simulated casings and counts the verdicts.
@@ -98,7 +98,7 @@ fn main() -> Result<()> {
         "{:?}, {} groups, {} sound and {} cracked casings judged in each, {} taps a casing",
         args.simulator, args.groups, args.sound, args.cracked, taps_of_casing
     )?;
-    Cell::write_head(&mut out)?;
+    SceneCounts::write_head(&mut out)?;
     for &scene in &args.scene {
         let judged_count = if scene.is_sound() { args.sound } else { args.cracked };
         for &by in &args.reference {

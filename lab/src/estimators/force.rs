@@ -7,7 +7,7 @@ use tapline_model::{Impact, Rung, Scene};
 use tapline_process::{DurationEstimator, PeakEstimator, Precision, ProcessConfig, ProcessExtractor};
 use tapline_wire::{Channel, Discriminator, Values};
 
-use super::{Cell, Effort, Estimator, RATES_HZ, Row, add_noise, amount, extract, rows, uniform};
+use super::{Effort, Estimator, RATES_HZ, Row, SignalCase, add_noise, amount, extract, rows, uniform};
 
 /// Taps of each cell of the page.
 pub(super) const EFFORT: Effort = Effort { seed: 0, taps: 300 };
@@ -19,8 +19,8 @@ const CRACK_M: f64 = 5e-3;
 const PULSES: [&str; 4] = ["half-sine", "integral", "plate", "full"];
 const SNR_DB: [Option<u32>; 5] = [None, Some(60), Some(40), Some(30), Some(20)];
 
-pub(super) fn cells() -> Vec<Cell> {
-    let cell = |table, signal, rate_hz, snr_db, fault| Cell { table, signal, rate_hz, snr_db, fault };
+pub(super) fn cells() -> Vec<SignalCase> {
+    let cell = |table, signal, rate_hz, snr_db, fault| SignalCase { table, signal, rate_hz, snr_db, fault };
     let mut cells = Vec::new();
     for signal in PULSES {
         for rate_hz in RATES_HZ {
@@ -118,7 +118,7 @@ pub(crate) fn estimators_of(which: Discriminator) -> Vec<Estimator> {
     }
 }
 
-fn estimators(cell: &Cell) -> Result<Vec<Estimator>> {
+fn estimators(cell: &SignalCase) -> Result<Vec<Estimator>> {
     let plain = plain();
     Ok(match cell.table {
         "force" => [Discriminator::FMax, Discriminator::Tau].map(estimators_of).concat(),
@@ -137,7 +137,7 @@ fn estimators(cell: &Cell) -> Result<Vec<Estimator>> {
 }
 
 /// The records of `cell`, in N, and the pulse in them.
-fn records(cell: &Cell, effort: Effort) -> Result<(Pulse, Vec<Vec<f32>>)> {
+fn records(cell: &SignalCase, effort: Effort) -> Result<(Pulse, Vec<Vec<f32>>)> {
     let pulse = Pulse::named(cell.signal)?;
     let mut generator = cell.generator(effort.seed);
     let mut made = |_| {
@@ -151,7 +151,7 @@ fn records(cell: &Cell, effort: Effort) -> Result<(Pulse, Vec<Vec<f32>>)> {
 }
 
 /// The records of `cell`, in N.
-pub(crate) fn pulse_records(cell: &Cell, effort: Effort) -> Result<Vec<Vec<f32>>> {
+pub(crate) fn pulse_records(cell: &SignalCase, effort: Effort) -> Result<Vec<Vec<f32>>> {
     Ok(records(cell, effort)?.1)
 }
 
@@ -160,7 +160,7 @@ pub(crate) fn extract_force(extractor: &mut ProcessExtractor, samples: &[f32], r
     extract(extractor, Channel::Force, samples, rate_hz, PRE_TRIGGER).ok()
 }
 
-pub(super) fn measure(cell: &Cell, effort: Effort) -> Result<Vec<Row>> {
+pub(super) fn measure(cell: &SignalCase, effort: Effort) -> Result<Vec<Row>> {
     let (pulse, taps) = records(cell, effort)?;
     rows(cell, Channel::Force, PRE_TRIGGER, &estimators(cell)?, &taps, |_, which| {
         Some(if which == Discriminator::FMax { pulse.f_max_n() } else { pulse.contact_time_s })
@@ -169,7 +169,7 @@ pub(super) fn measure(cell: &Cell, effort: Effort) -> Result<Vec<Row>> {
 
 /// The samples of `pulse`, which begins `phase` samples before the trigger, after the AC coupling if the cell has one.
 #[expect(clippy::cast_possible_truncation, reason = "samples are in single precision")]
-fn record(pulse: &Pulse, cell: &Cell, phase: f64) -> Result<Vec<f32>> {
+fn record(pulse: &Pulse, cell: &SignalCase, phase: f64) -> Result<Vec<f32>> {
     /// Steps of the coupling within a sample.
     const STEPS: u32 = 64;
     let rate_hz = f64::from(cell.rate_hz);
@@ -192,7 +192,7 @@ fn record(pulse: &Pulse, cell: &Cell, phase: f64) -> Result<Vec<f32>> {
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "samples are in single precision")]
-fn clip(samples: &mut [f32], pulse: &Pulse, cell: &Cell) -> Result<()> {
+fn clip(samples: &mut [f32], pulse: &Pulse, cell: &SignalCase) -> Result<()> {
     if let Some(percent) = amount(cell.fault, "clipped ")? {
         let limit = (pulse.f_max_n() * percent / 100.0) as f32;
         samples.iter_mut().filter(|x| **x > limit).for_each(|x| *x = limit);

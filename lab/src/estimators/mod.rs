@@ -27,7 +27,7 @@ const RATES_HZ: [u32; 2] = [40_960, 10_240];
 
 /// A cell of the tables: taps that differ only in noise and trigger.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Cell {
+pub(crate) struct SignalCase {
     /// Which table it belongs to.
     pub table: &'static str,
     /// The pulse or the sound.
@@ -44,7 +44,7 @@ fn plain() -> ProcessConfig {
     ProcessConfig { quality: QualityConfig::keeping(), ..ProcessConfig::default() }
 }
 
-impl Cell {
+impl SignalCase {
     /// Random numbers of this cell only, so that it can be measured again without the others; different for each seed.
     fn generator(&self, seed: u64) -> ChaCha8Rng {
         let Self { table, signal, rate_hz, snr_db, fault } = *self;
@@ -94,9 +94,9 @@ pub fn write(out: &Path, written: WrittenArgs) -> Result<()> {
 }
 
 /// Measures the cells that `is_wanted` selects.
-pub(crate) fn measure(is_wanted: impl Fn(&Cell) -> bool) -> Result<Vec<Row>> {
+pub(crate) fn measure(is_wanted: impl Fn(&SignalCase) -> bool) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
-    let wanted = |cells: Vec<Cell>| cells.into_iter().filter(&is_wanted).collect::<Vec<_>>();
+    let wanted = |cells: Vec<SignalCase>| cells.into_iter().filter(&is_wanted).collect::<Vec<_>>();
     let (of_force, of_sound) = (wanted(force::cells()), wanted(sound::cells()));
     let mut progress = Progress::new(Some((of_force.len() + of_sound.len()) as u64), Unit::Things("cells"));
     for (number, cell) in (0..).zip(&of_force) {
@@ -111,7 +111,7 @@ pub(crate) fn measure(is_wanted: impl Fn(&Cell) -> bool) -> Result<Vec<Row>> {
 }
 
 /// Measures one cell of a pulse.
-pub(crate) fn measure_one(cell: &Cell, effort: Effort) -> Result<Vec<Row>> {
+pub(crate) fn measure_one(cell: &SignalCase, effort: Effort) -> Result<Vec<Row>> {
     force::measure(cell, effort)
 }
 
@@ -145,7 +145,7 @@ impl Errors {
     }
 
     /// Rounded to three decimals: noise in the last digits of a transform does not reach the second one.
-    fn row(&self, cell: &Cell, estimator: &str, quantity: Discriminator) -> Row {
+    fn row(&self, cell: &SignalCase, estimator: &str, quantity: Discriminator) -> Row {
         let count = f64::from(u32::try_from(self.percent.len()).unwrap_or(u32::MAX));
         let mean = self.percent.iter().sum::<f64>() / count;
         let variance = self.percent.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count;
@@ -168,7 +168,7 @@ impl Errors {
 /// A row for each quantity of each of `estimators`, from `taps` of the channel `kind` in its unit. `truth` is the value that an
 /// estimator should find.
 fn rows(
-    cell: &Cell,
+    cell: &SignalCase,
     kind: Channel,
     pre_trigger_samples: u32,
     estimators: &[Estimator],

@@ -7,7 +7,7 @@ use tapline_model::{Crack, SimulatedRig, SimulatedTap, SimulatedTyre, Simulation
 use tapline_process::{BandEdges, Precision, ProcessConfig, ProcessExtractor, Subtraction};
 use tapline_wire::{Channel, Discriminator};
 
-use super::{Cell, Estimator, RATES_HZ, Row, add_noise, amount, extract, rows, uniform};
+use super::{Estimator, RATES_HZ, Row, SignalCase, add_noise, amount, extract, rows, uniform};
 
 /// Taps of each cell.
 const TAPS: u32 = 100;
@@ -19,7 +19,7 @@ const USED_S: f64 = 0.05;
 
 const POWERS: &[Discriminator] = &[Discriminator::Pr, Discriminator::Pf, Discriminator::Ef];
 
-pub(super) fn cells() -> Vec<Cell> {
+pub(super) fn cells() -> Vec<SignalCase> {
     let mut cells = Vec::new();
     for signal in ["sound", "cracked"] {
         for rate_hz in RATES_HZ {
@@ -33,7 +33,13 @@ pub(super) fn cells() -> Vec<Cell> {
                 (Some(60), "hum 10 %"),
                 (Some(60), "neighbour 50 %"),
             ];
-            cells.extend(conditions.map(|(snr_db, fault)| Cell { table: "sound", signal, rate_hz, snr_db, fault }));
+            cells.extend(conditions.map(|(snr_db, fault)| SignalCase {
+                table: "sound",
+                signal,
+                rate_hz,
+                snr_db,
+                fault,
+            }));
         }
     }
     cells
@@ -60,7 +66,7 @@ fn estimators() -> Vec<Estimator> {
     ways.map(|(name, config)| Estimator { name, config, quantities: POWERS }).into()
 }
 
-pub(super) fn measure(cell: &Cell) -> Result<Vec<Row>> {
+pub(super) fn measure(cell: &SignalCase) -> Result<Vec<Row>> {
     let clean = clean(cell)?;
     let pre_trigger = pre_trigger(cell.rate_hz);
     let mut reference = ProcessExtractor::new(&ProcessConfig { precision: Precision::F64, ..super::plain() })?;
@@ -94,7 +100,7 @@ fn pre_trigger(rate_hz: u32) -> u32 {
     clippy::cast_sign_loss,
     reason = "a few thousand samples, in single precision"
 )]
-fn clean(cell: &Cell) -> Result<Vec<f32>> {
+fn clean(cell: &SignalCase) -> Result<Vec<f32>> {
     let sample_count = (RECORD_S * f64::from(cell.rate_hz)) as u32;
     let config = SimulationConfig {
         sample_rate_hz: f64::from(cell.rate_hz),
@@ -141,7 +147,7 @@ fn clean(cell: &Cell) -> Result<Vec<f32>> {
     clippy::cast_precision_loss,
     reason = "places in a record, and samples in single precision"
 )]
-fn spoil(samples: &mut [f32], clean: &[f32], peak: f64, pre_trigger: u32, cell: &Cell, phase: f64) -> Result<()> {
+fn spoil(samples: &mut [f32], clean: &[f32], peak: f64, pre_trigger: u32, cell: &SignalCase, phase: f64) -> Result<()> {
     const MAINS_HZ: f64 = 50.0;
     const NEIGHBOUR_S: f64 = 0.06;
     if let Some(percent) = amount(cell.fault, "hum ")? {

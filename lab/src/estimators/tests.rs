@@ -2,7 +2,7 @@
 
 use tapline_testing::documents::{docs, text};
 
-use super::{Cell, Row, csv, markdown, measure};
+use super::{Row, SignalCase, csv, markdown, measure};
 
 fn rows() -> Vec<Row> {
     ::csv::Reader::from_reader(text(&docs("estimators.csv")).as_bytes()).deserialize().map(|row| row.unwrap()).collect()
@@ -11,7 +11,7 @@ fn rows() -> Vec<Row> {
 /// Catches an estimator, a pulse or a sound that has changed since the table was written: cells of every table, again.
 #[test]
 fn the_table_of_estimators_is_not_stale() {
-    let is_cheap = |cell: &Cell| match cell.table {
+    let is_cheap = |cell: &SignalCase| match cell.table {
         "sound" => cell.snr_db.is_none() || (cell.rate_hz == 10_240 && cell.fault == "hum 3 %"),
         _ => cell.snr_db.is_none_or(|db| db == 40),
     };
@@ -51,7 +51,7 @@ fn default_estimators_keep_their_limits() {
         ("e_f", "0.05 s", Some(60), 1.0, 0.2),
         ("p_f", "0.05 s", Some(60), 9.0, 0.5),
     ];
-    let is_wanted = |cell: &Cell| {
+    let is_wanted = |cell: &SignalCase| {
         let is_plain = cell.rate_hz == 40_960 && cell.fault.is_empty();
         is_plain && LIMITS.iter().any(|limit| limit.2 == cell.snr_db)
     };

@@ -56,40 +56,40 @@ struct Config {
     fuse: FuseConfig,
 }
 
-struct Way {
+struct Variant {
     label: &'static str,
     name: &'static str,
     family: usize,
     change: fn(&mut Config, record_s: f64),
 }
 
-const WAYS: [Way; 6] = [
-    Way { label: "as shipped", name: "the configuration that ships", family: 0, change: |_, _| () },
-    Way {
+const VARIANTS: [Variant; 6] = [
+    Variant { label: "as shipped", name: "the configuration that ships", family: 0, change: |_, _| () },
+    Variant {
         label: "f64",
         name: "double precision",
         family: 0,
         change: |config, _| config.process.precision = Precision::F64,
     },
-    Way {
+    Variant {
         label: "3/4 of the record",
         name: "the first three quarters of each record",
         family: 1,
         change: |config, record_s| config.process.record_s = 0.75 * record_s,
     },
-    Way {
+    Variant {
         label: "1/2",
         name: "the first half of each record",
         family: 1,
         change: |config, record_s| config.process.record_s = 0.5 * record_s,
     },
-    Way {
+    Variant {
         label: "3/8",
         name: "the first three eighths of each record",
         family: 1,
         change: |config, record_s| config.process.record_s = 0.375 * record_s,
     },
-    Way {
+    Variant {
         label: "Eqs. 55-56",
         name: "the dissertation's index",
         family: 2,
@@ -129,11 +129,11 @@ fn taps(mut set: TapSet) -> Result<Taps> {
 }
 
 impl Slab {
-    /// The configuration of `way`, for records of `record_s`.
-    fn configured(&self, way: &Way, record_s: f64) -> Result<Config> {
+    /// The configuration of `variant`, for records of `record_s`.
+    fn configured(&self, variant: &Variant, record_s: f64) -> Result<Config> {
         let mut config: Config =
             toml::from_str(self.config).with_context(|| format!("the configuration of {}", self.folder))?;
-        (way.change)(&mut config, record_s);
+        (variant.change)(&mut config, record_s);
         Ok(config)
     }
 }
@@ -141,7 +141,8 @@ impl Slab {
 fn facet(bench: &Bench, slab: &Slab, taps: &Taps) -> Result<Facet> {
     let recording = &taps.plan.recording;
     let record_s = f64::from(recording.sample_count_max) / recording.sample_rate_hz;
-    let configs: Vec<Config> = WAYS.iter().map(|way| slab.configured(way, record_s)).collect::<Result<_>>()?;
+    let configs: Vec<Config> =
+        VARIANTS.iter().map(|variant| slab.configured(variant, record_s)).collect::<Result<_>>()?;
     let mut workloads = Vec::new();
     for config in &configs {
         let mut extractor = ProcessExtractor::new(&config.process)?;
@@ -150,14 +151,14 @@ fn facet(bench: &Bench, slab: &Slab, taps: &Taps) -> Result<Facet> {
         }));
     }
     let costs = by_turns(workloads, bench.size.rounds.div_ceil(3));
-    let points = WAYS.iter().zip(&configs).zip(costs).map(|((way, config), cost)| {
+    let points = VARIANTS.iter().zip(&configs).zip(costs).map(|((variant, config), cost)| {
         let areas = judged(&config.fuse, &read(&mut ProcessExtractor::new(&config.process)?, taps))?;
         let loss = 1.0 - areas.auc().context("a slab has cracked and sound places")?;
         let error = Error::mean_of(vec![loss]);
         let interval = areas.by_tyres(bench.seed).map(|(low, high)| (1.0 - high, 1.0 - low));
-        Ok(Point::new(way.name, way.label, cost, error.with_interval(interval), taps.all.len())
-            .family(way.family)
-            .default_if(way.label == WAYS[0].label))
+        Ok(Point::new(variant.name, variant.label, cost, error.with_interval(interval), taps.all.len())
+            .family(variant.family)
+            .default_if(variant.label == VARIANTS[0].label))
     });
     Ok(Facet {
         cost: Quantity::log("Processor time of a tap, read and judged", "\u{b5}s"),

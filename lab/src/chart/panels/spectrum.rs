@@ -25,23 +25,23 @@ const RATE_HZ: f64 = 40_960.0;
 type Powers = [f64; 3];
 
 #[derive(Debug, Clone, Copy)]
-struct Way {
+struct Reading {
     precision: Precision,
     subtract: Subtraction,
     samples: u32,
 }
 
-fn ways() -> Vec<Way> {
+fn readings() -> Vec<Reading> {
     use Precision::{F32, F64};
-    let mut ways = Vec::new();
+    let mut readings = Vec::new();
     for samples in [SAMPLES, 8192, 4096, 2048] {
-        ways.extend([F32, F64].map(|precision| Way { precision, subtract: Subtraction::None, samples }));
+        readings.extend([F32, F64].map(|precision| Reading { precision, subtract: Subtraction::None, samples }));
     }
-    ways.extend([SAMPLES, 2048].map(|samples| Way { precision: F32, subtract: Subtraction::Noise, samples }));
-    ways
+    readings.extend([SAMPLES, 2048].map(|samples| Reading { precision: F32, subtract: Subtraction::Noise, samples }));
+    readings
 }
 
-impl Way {
+impl Reading {
     fn config(self) -> ProcessConfig {
         ProcessConfig {
             record_s: if self.samples < SAMPLES { f64::from(self.samples) / RATE_HZ } else { 0.0 },
@@ -81,22 +81,23 @@ impl Way {
 }
 
 pub(super) fn measure(bench: &Bench) -> Result<Panel> {
-    let ways = ways();
-    let mut by_seed = [vec![Vec::new(); ways.len()], vec![Vec::new(); ways.len()]];
+    let readings = readings();
+    let mut by_seed = [vec![Vec::new(); readings.len()], vec![Vec::new(); readings.len()]];
     for seed in bench.seeds() {
         let clean = taps(bench, seed, false)?;
         let noisy = taps(bench, seed, true)?;
         let truths: Vec<Powers> = clean.iter().map(truth).collect::<Result<_>>()?;
         for (taps, by_seed) in [&clean, &noisy].into_iter().zip(&mut by_seed) {
-            let errors: Vec<f64> = ways.par_iter().map(|way| error(*way, taps, &truths)).collect::<Result<_>>()?;
+            let errors: Vec<f64> =
+                readings.par_iter().map(|reading| error(*reading, taps, &truths)).collect::<Result<_>>()?;
             by_seed.iter_mut().zip(errors).for_each(|(by_seed, error)| by_seed.push(error));
         }
     }
-    let costs = costs(bench, &ways)?;
+    let costs = costs(bench, &readings)?;
     let [clean, noisy] = by_seed;
     let facets = vec![
-        facet(bench, "arithmetic", "Taps without noise: arithmetic and definition", &ways, &costs, clean),
-        facet(bench, "noise", "Taps with the simulated rig's noise", &ways, &costs, noisy),
+        facet(bench, "arithmetic", "Taps without noise: arithmetic and definition", &readings, &costs, clean),
+        facet(bench, "noise", "Taps with the simulated rig's noise", &readings, &costs, noisy),
     ];
     Ok(Panel::new(
         "How must the spectrum be computed?",
@@ -148,11 +149,11 @@ fn truth(tap: &Record) -> Result<Powers> {
 }
 
 /// Root mean square of the relative errors of all powers of `taps`.
-fn error(way: Way, taps: &[Record], truths: &[Powers]) -> Result<f64> {
-    let mut extractor = ProcessExtractor::new(&way.config())?;
+fn error(reading: Reading, taps: &[Record], truths: &[Powers]) -> Result<f64> {
+    let mut extractor = ProcessExtractor::new(&reading.config())?;
     let (mut squares, mut count) = (0.0, 0.0);
     for (tap, truth) in taps.iter().zip(truths) {
-        for (found, truth) in way.powers(&mut extractor, tap).into_iter().zip(truth) {
+        for (found, truth) in reading.powers(&mut extractor, tap).into_iter().zip(truth) {
             squares += (found / truth - 1.0).powi(2);
             count += 1.0;
         }
@@ -160,30 +161,37 @@ fn error(way: Way, taps: &[Record], truths: &[Powers]) -> Result<f64> {
     Ok((squares / count).sqrt())
 }
 
-fn costs(bench: &Bench, ways: &[Way]) -> Result<Vec<Cost>> {
+fn costs(bench: &Bench, readings: &[Reading]) -> Result<Vec<Cost>> {
     let taps = taps(bench, bench.seed, true)?;
     let mut workloads = Vec::new();
-    for &way in ways {
+    for &reading in readings {
         // With the default policies of the flags, as on a line.
-        let config = ProcessConfig { quality: QualityConfig::default(), ..way.config() };
+        let config = ProcessConfig { quality: QualityConfig::default(), ..reading.config() };
         let mut extractor = ProcessExtractor::new(&config)?;
-        workloads.push(Workload::each(&taps, move |tap| way.powers(&mut extractor, tap)[0]));
+        workloads.push(Workload::each(&taps, move |tap| reading.powers(&mut extractor, tap)[0]));
     }
     Ok(by_turns(workloads, bench.size.rounds))
 }
 
-fn facet(bench: &Bench, name: &str, title: &str, ways: &[Way], costs: &[Cost], by_seed: Vec<Vec<f64>>) -> Facet {
-    let point = |((&way, &cost), by_seed): ((&Way, &Cost), Vec<f64>)| {
+fn facet(
+    bench: &Bench,
+    name: &str,
+    title: &str,
+    readings: &[Reading],
+    costs: &[Cost],
+    by_seed: Vec<Vec<f64>>,
+) -> Facet {
+    let point = |((&reading, &cost), by_seed): ((&Reading, &Cost), Vec<f64>)| {
         Point::new(
-            way.name(),
-            way.label(),
+            reading.name(),
+            reading.label(),
             cost,
             Error::mean_of(by_seed),
             bench.size.taps * bench.size.seed_count as usize,
         )
-        .family(usize::from(way.precision == Precision::F64))
-        .default_if(way.is_default())
-        .failing(stability::of_spectrum(&way.config()))
+        .family(usize::from(reading.precision == Precision::F64))
+        .default_if(reading.is_default())
+        .failing(stability::of_spectrum(&reading.config()))
     };
     Facet {
         cost: Quantity::log("Processor time of a tap, all discriminators", "\u{b5}s"),
@@ -191,7 +199,7 @@ fn facet(bench: &Bench, name: &str, title: &str, ways: &[Way], costs: &[Cost], b
         tolerance: Tolerance { cost: 0.1, error: if name == "noise" { 0.005 } else { 1e-4 } },
         truth: "the periodogram of the whole record without noise, in double precision by realfft".to_owned(),
         families: vec!["single precision", "double precision"],
-        points: ways.iter().zip(costs).zip(by_seed).map(point).collect(),
+        points: readings.iter().zip(costs).zip(by_seed).map(point).collect(),
         ..bench.facet(name, title)
     }
 }

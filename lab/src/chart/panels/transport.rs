@@ -8,7 +8,7 @@ use crate::chart::Bench;
 use crate::chart::front::Tolerance;
 use crate::chart::panel::{Facet, Panel, Quantity};
 use crate::chart::point::{Cost, Error, Point};
-use crate::hop::{Run, Size, Way, run};
+use crate::hop::{RecordSize, Run, Transport, run};
 
 /// Sizes of a record. A tap of 0.4 s has 64 KiB, one of 0.05 s 8 KiB.
 const SIZES_KIB: [usize; 5] = [4, 16, 64, 256, 1024];
@@ -19,14 +19,15 @@ pub(super) fn measure(bench: &Bench) -> Result<Panel> {
     let size = &bench.size;
     // A short chart leaves out every second size.
     let sizes = SIZES_KIB.into_iter().step_by(if size.is_full { 1 } else { 2 });
-    let cases: Vec<(usize, Way)> = sizes.flat_map(|kib| Way::ALL.map(|way| (kib, way))).collect();
+    let cases: Vec<(usize, Transport)> =
+        sizes.flat_map(|kib| Transport::ALL.map(|transport| (kib, transport))).collect();
     let (mut fast, mut paced) = (vec![Vec::new(); cases.len()], vec![Vec::new(); cases.len()]);
     let period = Duration::from_secs(1) / PACE_PER_S;
     for _ in 0..size.hop_rounds {
-        for (place, &(kib, way)) in cases.iter().enumerate() {
+        for (place, &(kib, transport)) in cases.iter().enumerate() {
             let count = (size.hops * 64 / kib as u64).clamp(size.hops / 16, 4 * size.hops);
-            fast[place].push(run(way, Size::whole(kib * 1024), count, None)?);
-            paced[place].push(run(way, Size::whole(kib * 1024), size.paced, Some(period))?);
+            fast[place].push(run(transport, RecordSize::whole(kib * 1024), count, None)?);
+            paced[place].push(run(transport, RecordSize::whole(kib * 1024), size.paced, Some(period))?);
         }
     }
     let elapsed: fn(&Run) -> f64 = |run| run.elapsed_us;
@@ -41,7 +42,7 @@ pub(super) fn measure(bench: &Bench) -> Result<Panel> {
         tolerance: Tolerance { cost: 0.25, error: 20.0 },
         truth: "every record arrives whole and in order, or the run fails".to_owned(),
         seeds: vec![bench.seed],
-        families: Way::ALL.map(Way::name).to_vec(),
+        families: Transport::ALL.map(Transport::name).to_vec(),
         points: cases.iter().zip(runs).map(|(&case, runs)| point(case, runs, time_us)).collect(),
         ..bench.facet(name, title)
     });
@@ -52,22 +53,22 @@ pub(super) fn measure(bench: &Bench) -> Result<Panel> {
             "Each record is written by the producer and summed by both consumers, as `acquire`, `process` and `store` do. Through shared \
              memory it is written once and read in place; a socket and a pipe copy it twice, once for each consumer, through the \
              kernel. Costs are of all three processes; errors are times, means over alternating rounds.",
-            "Lines join one way from 4 KiB to 1 MiB. Each size has a front of its own.",
+            "Lines join one transport from 4 KiB to 1 MiB. Each size has a front of its own.",
             "On a machine with other work, the 99th of 100 latencies is due to that work.",
         ],
         facets.into(),
     ))
 }
 
-/// The point of records of `kib` that are sent over `way`.
-fn point((kib, way): (usize, Way), runs: &[Run], time_us: fn(&Run) -> f64) -> Point {
+/// The point of records of `kib` that are sent over `transport`.
+fn point((kib, transport): (usize, Transport), runs: &[Run], time_us: fn(&Run) -> f64) -> Point {
     let of = |value: fn(&Run) -> f64| runs.iter().map(value).collect::<Vec<f64>>();
     let n = runs.iter().map(|run| run.count as usize).sum();
     let size = if kib < 1024 { format!("{kib} KiB") } else { "1 MiB".to_owned() };
     let cost = Cost::of(&of(|run| run.cpu_us));
-    Point::new(format!("{}, {size}", way.name()), size, cost, Error::mean_of(of(time_us)), n)
-        .family(way as usize)
+    Point::new(format!("{}, {size}", transport.name()), size, cost, Error::mean_of(of(time_us)), n)
+        .family(transport as usize)
         .group(kib)
-        .default_if(way == Way::Topic)
+        .default_if(transport == Transport::Topic)
         .remark(format!("median latency {:.0} us", Cost::of(&of(|run| run.p50_us)).median))
 }

@@ -23,14 +23,14 @@ const SHARE: f64 = 0.9;
 
 /// Which contacts are drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Places {
+enum Layers {
     /// Over cracks 2 to 12 mm deep.
     Shallow,
     /// As in casings: layers of 4 to 250 mm, mostly thick, because most places are sound.
     Any,
 }
 
-impl Places {
+impl Layers {
     fn scenes(self, seed: u64, count: usize) -> Vec<Scene> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(self as u64);
@@ -60,8 +60,8 @@ fn error<const N: usize>(found: [f64; N], truth: [f64; N]) -> f64 {
 
 pub(super) fn measure(bench: &Bench) -> Result<Panel> {
     let facets = vec![
-        ladder(bench, Places::Shallow, "cracks", "Over cracks 2 to 12 mm deep")?,
-        ladder(bench, Places::Any, "places", "At places as casings have them, most of them sound")?,
+        ladder(bench, Layers::Shallow, "cracks", "Over cracks 2 to 12 mm deep")?,
+        ladder(bench, Layers::Any, "places", "At places as casings have them, most of them sound")?,
         histories(bench)?,
     ];
     Ok(Panel::new(
@@ -82,7 +82,7 @@ pub(super) fn measure(bench: &Bench) -> Result<Panel> {
 /// For each of `models` its error in each seed: the quantile over `places`. `truth` is what a model should find in a scene.
 fn errors<M: Copy, const N: usize>(
     bench: &Bench,
-    places: Places,
+    places: Layers,
     models: &[M],
     truth: impl Fn(&Scene) -> Result<[f64; N]>,
     found: impl Fn(M, &Scene) -> [f64; N],
@@ -99,7 +99,7 @@ fn errors<M: Copy, const N: usize>(
     Ok(by_seed)
 }
 
-fn ladder(bench: &Bench, places: Places, name: &str, title: &str) -> Result<Facet> {
+fn ladder(bench: &Bench, places: Layers, name: &str, title: &str) -> Result<Facet> {
     let size = &bench.size;
     let truth = |scene: &Scene| Ok(Solved::new(&Impact::full(scene)?).quantities());
     let by_seed = errors(bench, places, &Rung::ALL, truth, quantities)?;
@@ -143,7 +143,7 @@ fn failures(rung: Rung) -> Result<Vec<Failure>> {
 
 /// How the simulated rig decides which layers it leaves out.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Rule {
+enum LayerRule {
     /// It computes every layer.
     Every,
     /// It leaves out layers known to change nothing by more.
@@ -152,10 +152,16 @@ enum Rule {
     None,
 }
 
-const RULES: [Rule; 6] =
-    [Rule::Every, Rule::Within(1e-4), Rule::Within(RIG_TOLERANCE), Rule::Within(1e-2), Rule::Within(1e-1), Rule::None];
+const RULES: [LayerRule; 6] = [
+    LayerRule::Every,
+    LayerRule::Within(1e-4),
+    LayerRule::Within(RIG_TOLERANCE),
+    LayerRule::Within(1e-2),
+    LayerRule::Within(1e-1),
+    LayerRule::None,
+];
 
-impl Rule {
+impl LayerRule {
     fn label(self) -> String {
         match self {
             Self::Every => "every layer".to_owned(),
@@ -191,7 +197,7 @@ fn histories(bench: &Bench) -> Result<Facet> {
     let size = &bench.size;
     let rigid = DampedContact::new(DampingLaw::Exact.chi(Scene::default().restitution)?)?;
     // Peak and impulse.
-    let found = |rule: Rule, scene: &Scene| {
+    let found = |rule: LayerRule, scene: &Scene| {
         let mut force_n = Vec::new();
         let step_s = rule.history(scene, &rigid, &mut force_n);
         let peak_n = force_n.iter().copied().max_by(f64::total_cmp).unwrap_or(f64::NAN);
@@ -199,19 +205,19 @@ fn histories(bench: &Bench) -> Result<Facet> {
     };
     let truth = |scene: &Scene| {
         let [f_max_n, ..] = Solved::new(&Impact::plate(scene)?).quantities();
-        Ok([f_max_n, found(Rule::Every, scene)[1]])
+        Ok([f_max_n, found(LayerRule::Every, scene)[1]])
     };
-    let by_seed = errors(bench, Places::Any, &RULES, truth, found)?;
-    let scenes = Places::Any.scenes(bench.seed, size.taps);
-    let each = |rule: Rule| {
+    let by_seed = errors(bench, Layers::Any, &RULES, truth, found)?;
+    let scenes = Layers::Any.scenes(bench.seed, size.taps);
+    let each = |rule: LayerRule| {
         let (mut force_n, rigid) = (Vec::new(), &rigid);
         Workload::each(&scenes, move |scene| rule.history(scene, rigid, &mut force_n))
     };
     let costs = by_turns(RULES.map(each).into(), size.rounds);
-    let point = |((rule, cost), by_seed): ((Rule, Cost), Vec<f64>)| {
+    let point = |((rule, cost), by_seed): ((LayerRule, Cost), Vec<f64>)| {
         let n = size.contacts * size.seed_count as usize;
         Point::new(rule.name(), rule.label(), cost, Error::mean_of(by_seed), n)
-            .default_if(rule == Rule::Within(RIG_TOLERANCE))
+            .default_if(rule == LayerRule::Within(RIG_TOLERANCE))
     };
     Ok(Facet {
         cost: Quantity::log("Processor time of a contact", "\u{b5}s"),

@@ -12,7 +12,7 @@ use crate::chart::front::Tolerance;
 use crate::chart::panel::{Facet, Panel, Quantity};
 use crate::chart::point::{Cost, Error, Failure, Point, exceeds};
 use crate::estimators::{
-    Cell, Effort, Estimator as Way, Row, estimators_of as ways, extract_force, measure_one, pulse_records,
+    Effort, Estimator as Way, Row, SignalCase, estimators_of as ways, extract_force, measure_one, pulse_records,
 };
 use crate::simulated::Simulator;
 
@@ -58,8 +58,8 @@ pub(super) fn measure(bench: &Bench) -> Result<Panel> {
     ))
 }
 
-fn cell(signal: &'static str, rate_hz: u32, snr_db: Option<u32>) -> Cell {
-    Cell { table: "force", signal, rate_hz, snr_db, fault: "" }
+fn cell(signal: &'static str, rate_hz: u32, snr_db: Option<u32>) -> SignalCase {
+    SignalCase { table: "force", signal, rate_hz, snr_db, fault: "" }
 }
 
 /// The row of `way` among the measured rows of a cell.
