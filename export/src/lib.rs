@@ -54,11 +54,14 @@ pub enum Export {
     Verdicts,
     /// The state of every planned tap.
     Ledger,
+    /// The casing, with what it was judged from and with.
+    Casings,
 }
 
 impl Export {
-    /// All five.
-    pub const ALL: [Self; 5] = [Self::Discriminators, Self::Damage, Self::Regions, Self::Verdicts, Self::Ledger];
+    /// All six.
+    pub const ALL: [Self; 6] =
+        [Self::Discriminators, Self::Damage, Self::Regions, Self::Verdicts, Self::Ledger, Self::Casings];
 }
 
 tapline_wire::named!(
@@ -68,6 +71,7 @@ tapline_wire::named!(
     Regions = "regions",
     Verdicts = "verdicts",
     Ledger = "ledger",
+    Casings = "casings",
 );
 
 /// What taps are exported as.

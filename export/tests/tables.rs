@@ -1,10 +1,10 @@
 //! Exported tables, character by character.
 
 use tapline_export::{Export, TableFile};
-use tapline_store::{Reader, Writer};
+use tapline_store::{Codec, Lineage, Reader, Writer, hex_of};
 use tapline_wire::SampleFormat;
 
-use crate::common::{CONFIG, judgement, plan, put};
+use crate::common::{judgement, plan, put};
 use crate::write;
 
 fn exported(reader: &Reader, table: Export) -> String {
@@ -13,11 +13,20 @@ fn exported(reader: &Reader, table: Export) -> String {
     String::from_utf8(out).unwrap()
 }
 
+/// What the run of [`unfinished`] was given.
+const GIVEN: Lineage<'static> = Lineage {
+    config_toml: "[report]\nplant = \"P\"\nline = \"2\"\noperator = \"O\"\nprocedure = \"W 1\"\n[fuse]\nreference = \"sound.json\"\n",
+    reference: Some("{\"digest\": \"4a\"}"),
+    codec: Codec::Lz4,
+    made_by: "program = \"x\"",
+    raw: None,
+};
+
 /// A run in which row 3 was refused, row 9 never came, and only the first scan was judged.
 pub(crate) fn unfinished(folder: &tempfile::TempDir) -> Reader {
     let path = folder.path().join("run.h5");
     let plan = plan(SampleFormat::I16);
-    let mut writer = Writer::create(&path, &plan, plan.taps().len(), CONFIG).unwrap();
+    let mut writer = Writer::create(&path, &plan, plan.taps().len(), GIVEN).unwrap();
     for row in [0, 1, 2, 4, 5, 6, 7, 8] {
         put(&mut writer, row).unwrap();
     }
@@ -85,6 +94,28 @@ fn tables_to_the_letter() {
     assert_eq!(lines[3], "1,A\u{e9}-1,1,5,1.85,2,180,0,archived,0,,0,,");
     assert_eq!(lines[4], "1,A\u{e9}-1,1,5,1.85,3,270,0,refused,1,\"force, 3 \"\"bounces\"\"\",0,,");
     assert_eq!(lines[10], "2,A\u{e9}-1,2,,1.85,4,,0,missing,,,0,,acquire");
+}
+
+/// Catches a casing that is better than its worst shoulder, or without reasons of one; taps of one shoulder alone; and an origin that is
+/// another's.
+#[test]
+fn a_casing_has_its_worst_verdict_and_where_it_comes_from() {
+    let _guard = crate::common::beside_others();
+    let folder = tempfile::tempdir().unwrap();
+    let reader = unfinished(&folder);
+    let written_by = reader.written_by().unwrap();
+    let digests = format!("{},{}", hex_of(&reader.raw_digest().unwrap()), reader.lineage_key().unwrap());
+    assert_eq!(
+        exported(&reader, Export::Casings),
+        format!(
+            "tyre,station,first_tap_utc,last_tap_utc,verdict,reasons,shoulder_count,planned_count,archived_count,refused_count,missing_count,\
+             plant,line,operator,procedure,reference,reference_digest,\
+             force_unit,force_calibration,force_calibrated_on,force_valid_until,sound_unit,sound_calibration,sound_calibrated_on,sound_valid_until,\
+             sample_rate_hz,written_by,raw_digest,lineage\n\
+             A\u{e9}-1,1,1969-12-31 23:59:59,1970-01-01 00:00:00,REJECT,damage|not_ended|self_reference,2,10,8,1,1,\
+             P,2,O,W 1,sound.json,4a,N,,,,V,,,,40960,{written_by},{digests}\n"
+        )
+    );
 }
 
 /// Catches a table that the command line cannot name.

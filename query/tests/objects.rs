@@ -13,7 +13,7 @@ use tapline_testing::waiting::until;
 
 const ARCHIVES: &str = "s3://plant/2025";
 
-const TABLES: [&str; 5] = ["taps", "discriminators", "damage", "regions", "verdicts"];
+const TABLES: [&str; 6] = ["taps", "discriminators", "damage", "regions", "verdicts", "casings"];
 
 /// A sandbox whose archives are in the bucket too.
 fn prepared() -> Option<(Sandbox, Bucket)> {

@@ -174,6 +174,8 @@ pub(crate) enum What {
     Verdicts,
     /// What became of every planned tap.
     Ledger,
+    /// Every casing: its verdict, reference, calibration, operator, program and digests.
+    Casings,
     /// The samples of every tap.
     Taps,
 }

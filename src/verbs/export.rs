@@ -34,6 +34,7 @@ pub(crate) fn export(args: &ExportArgs) -> Result<bool> {
         What::Regions => Export::Regions,
         What::Verdicts => Export::Verdicts,
         What::Ledger => Export::Ledger,
+        What::Casings => Export::Casings,
         What::Taps => return taps(args),
     };
     let format = allowed(args, &OF_TABLES)?;

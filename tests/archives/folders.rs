@@ -36,7 +36,7 @@ fn damage(path: &Path) {
 #[test]
 fn a_table_of_a_folder_is_one() {
     let sandbox = scanned();
-    for table in ["discriminators", "damage", "regions", "verdicts", "ledger"] {
+    for table in ["discriminators", "damage", "regions", "verdicts", "ledger", "casings"] {
         let whole = sandbox.run(&format!("export out {table}")).expect(0).out;
         let rows = csv_rows(&whole);
         let mut count = 0;

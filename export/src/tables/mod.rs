@@ -1,10 +1,12 @@
 //! The tables of an archive: their columns and rows.
 
+mod casings;
+
 #[cfg(feature = "parquet")]
 use arrow_schema::Field;
 use tapline_wire::{
-    Channel, DamageCell, Discriminator, Discriminators, Judgement, PlannedTap, Quality, Reasons, Scan, TapState,
-    Verdict,
+    Channel, DamageCell, Discriminator, Discriminators, Judgement, PlannedTap, Quality, Reasons, Scan, TapHeader,
+    TapState, Verdict,
 };
 
 use crate::Export;
@@ -25,6 +27,7 @@ pub(crate) fn write(reader: &Reader, name: Option<&str>, table: Export, sink: &m
         Export::Regions => arcs(reader, name, sink),
         Export::Verdicts => verdicts(reader, name, sink),
         Export::Ledger => ledger(reader, name, sink),
+        Export::Casings => casings::write(reader, name, sink),
     }
 }
 
@@ -37,6 +40,7 @@ pub(crate) fn describe(table: Export) -> Vec<Field> {
         Export::Regions => fields(&region_columns(None)),
         Export::Verdicts => fields(&verdict_columns(None)),
         Export::Ledger => fields(&ledger_columns(None)),
+        Export::Casings => fields(&casings::columns(None)),
     }
 }
 
@@ -255,11 +259,6 @@ fn verdicts(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result
     let scans = reader.plan().scans().iter().zip(reader.judgements()?).enumerate();
     let headers = reader.headers()?;
     let is_second = |&&row: &&u32| reader.plan().taps()[row as usize].is_second_reading();
-    let times_ns = |taps: &mut dyn Iterator<Item = &u32>| {
-        let of_row = |&row: &u32| headers[row as usize].as_ref().map(|header| header.tap_time_ns);
-        let times_ns: Vec<i64> = taps.filter_map(of_row).filter(|&time_ns| time_ns != 0).collect();
-        Some((*times_ns.iter().min()?, *times_ns.iter().max()?))
-    };
     let rows = scans.map(|(number, (scan, judged))| {
         let (verdict, reasons) = reader.verdict(number, judged.as_ref());
         let taps = || scan.taps.iter().map(|&row| ledger.taps()[row as usize]);
@@ -271,12 +270,19 @@ fn verdicts(reader: &Reader, name: Option<&str>, sink: &mut impl Sink) -> Result
             reasons,
             counts,
             second_reading_count: count(scan.taps.iter().filter(is_second).count()),
-            times_ns: times_ns(&mut scan.taps.iter()),
-            first_times_ns: times_ns(&mut scan.taps.iter().filter(|row| !is_second(row))),
+            times_ns: times_ns(&headers, &scan.taps),
+            first_times_ns: times_ns(&headers, scan.taps.iter().filter(|row| !is_second(row))),
             judged: judged.map(|(judgement, cells)| (judgement, regions(geometry, &cells))),
         }
     });
     sink.rows(&columns, rows)
+}
+
+/// When the first and the last of `taps`, rows of the plan, were made, ns since the Unix epoch; `None` where their times were not recorded.
+fn times_ns<'a>(headers: &[Option<TapHeader>], taps: impl IntoIterator<Item = &'a u32>) -> Option<(i64, i64)> {
+    let of_row = |&row: &u32| headers[row as usize].as_ref().map(|header| header.tap_time_ns);
+    let times_ns: Vec<i64> = taps.into_iter().filter_map(of_row).filter(|&time_ns| time_ns != 0).collect();
+    Some((*times_ns.iter().min()?, *times_ns.iter().max()?))
 }
 
 /// A time to the second, as spreadsheets read it.
