@@ -39,7 +39,7 @@ pub enum Format {
     Json,
 }
 
-/// Answer a question in SQL. Tables: taps, discriminators, damage, regions, verdicts.
+/// Answer a question in SQL. Tables: taps, discriminators, damage, regions, verdicts, casings.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = HELP)]
 pub struct Question {
