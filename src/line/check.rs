@@ -33,8 +33,9 @@ pub(crate) fn check_config(path: &Path) -> Result<bool> {
     // The number of a run's stations may be left to its options.
     let given = scan.stations;
     scan.stations = scan.for_line().stations;
-    let of_run = (scan.stations > given).then(|| format!("`tapline run` needs --stations {}", scan.stations));
     let (lacks_station, lacks_reference) = (station.is_empty(), fuse.reference.is_none());
+    let is_few = lacks_station && scan.stations > given;
+    let of_run = is_few.then(|| format!("`tapline run` needs --stations {}", scan.stations));
     let of_simulated = match lacks_station {
         true => {
             // As if `--reference self` were given.

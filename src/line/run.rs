@@ -117,6 +117,10 @@ pub(crate) fn line(args: &LineArgs) -> Result<bool> {
     let stop = stop_at_signals()?;
     let progress = Progress::new(None, Unit::Things("taps"));
     progress.print(&format!("waiting for casings; results go into {}", job.out.display()));
+    if let (Some(Reference::File(path)), Some(file)) = (&job.config.fuse.reference, &job.reference) {
+        let casings = counted(file.set.summary.casing_count, "casing", "casings");
+        progress.print(&format!("compared with {}: {casings}, digest {:.12}", path.display(), file.set.digest()));
+    }
     let scan = &job.config.scan;
     if job.config.station.iter().any(|station| station.source != StationSource::Folder) {
         let again = if scan.confirm { AGAIN } else { "" };

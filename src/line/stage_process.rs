@@ -178,14 +178,14 @@ impl StageProcess {
 
     fn silence(&self) -> String {
         let disk = if self.role == Role::Store { "its disk is slow or hangs, or " } else { "" };
-        format!("{} does not answer: {disk}it is held up", self.name)
+        format!("the process {} does not answer: {disk}it is held up", self.name)
     }
 
     /// What is wrong with it at this moment.
     pub(crate) fn trouble(&self) -> Option<String> {
         let (count, within) = UNSTEADY;
         if self.child.is_none() && !self.is_asked_to_end {
-            return Some(format!("{} does not run", self.name));
+            return Some(format!("the process {} does not run", self.name));
         }
         if self.is_silent {
             return Some(self.silence());

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail, ensure};
 use jiff::{Timestamp, tz::TimeZone};
+use rustix::termios::tcgetwinsize;
 use tapline_host::messages::counted;
 use tapline_host::signals::stop_flag;
 use tapline_host::stdout::Stdout;
@@ -24,8 +25,8 @@ use crate::shown::verdict::{CasingVerdict, ShoulderVerdict};
 /// How long a running line may take to show its status.
 const ANSWERS_WITHIN: Duration = Duration::from_secs(15);
 
-/// A line that has shown nothing for this long is stuck.
-const STANDS_AFTER_NS: i64 = 30_000_000_000;
+/// A line that has shown nothing for this long is held up, here as on its page.
+const STANDS_AFTER_NS: i64 = 3_000_000_000;
 
 /// `tapline status`: shows the state of a running line, once or until it ends.
 pub(crate) fn status(args: &StatusArgs) -> Result<bool> {
@@ -37,13 +38,17 @@ pub(crate) fn status(args: &StatusArgs) -> Result<bool> {
     let file = status_file(&found.address);
     let stop = stop_flag().context("cannot listen for signals")?;
     let since = Instant::now();
-    let mut last = None;
+    let mut last: Option<(String, bool)> = None;
     loop {
-        let text = fs::read_to_string(&file).ok().filter(|text| last.as_ref() != Some(text));
-        if let Some(text) = text {
+        if let Ok(text) = fs::read_to_string(&file) {
             let status: Status = serde_json::from_str(&text).context("what the line shows cannot be read")?;
-            print(&status, args)?;
-            last = Some(text);
+            // What has changed, and once that nothing changes any more.
+            let is_held_up = held_up_since(&status).is_some();
+            let shown = (text, is_held_up && !args.json);
+            if last.as_ref() != Some(&shown) {
+                print(&status, args)?;
+                last = Some(shown);
+            }
             if !args.follow {
                 return Ok(true);
             }
@@ -69,21 +74,58 @@ fn print(status: &Status, args: &StatusArgs) -> Result<()> {
     if args.json {
         writeln!(out, "{}", serde_json::to_string(status)?)?;
     } else {
-        if args.follow && io::stdout().is_terminal() {
+        let window = Some(io::stdout()).filter(|out| args.follow && out.is_terminal());
+        if window.is_some() {
             write!(out, "\x1b[H\x1b[2J")?;
         }
-        write!(out, "{}", text(status)?)?;
+        let size =
+            window.and_then(|window| tcgetwinsize(window).ok()).filter(|size| size.ws_row > 0 && size.ws_col > 0);
+        let text = text(status)?;
+        write!(
+            out,
+            "{}",
+            match size {
+                Some(size) => cut(&text, size.ws_row.into(), size.ws_col.into()),
+                None => text,
+            }
+        )?;
     }
     Ok(out.flush()?)
 }
 
-/// The status for people.
+/// The status for people, what matters most first.
 fn text(status: &Status) -> Result<String, fmt::Error> {
     let mut text = String::new();
     write_line(&mut text, status)?;
     write_stations(&mut text, status)?;
     write_verdicts(&mut text, status)?;
     Ok(text)
+}
+
+/// The beginning of `text` that fits a window of so many `rows` and `columns`, whose last row says how many lines do not. A window that is
+/// followed must not scroll: its first lines say what keeps the line from working.
+fn cut(text: &str, rows: usize, columns: usize) -> String {
+    let rows_of = |line: &str| line.chars().count().div_ceil(columns).max(1);
+    // The cursor stays in the last row.
+    let (all, room) = (text.lines().map(rows_of).sum::<usize>(), rows.saturating_sub(1));
+    if all <= room {
+        return text.to_owned();
+    }
+    let (mut shown, mut used) = (Vec::new(), 1);
+    for line in text.lines() {
+        used += rows_of(line);
+        if used > room {
+            break;
+        }
+        shown.push(line);
+    }
+    let left = counted(text.lines().count() - shown.len(), "line", "lines");
+    format!("{}\n... and {left} more\n", shown.join("\n"))
+}
+
+/// When the line showed its last status, if that is too long ago.
+fn held_up_since(status: &Status) -> Option<String> {
+    (now_ns().saturating_sub(status.at_ns) > STANDS_AFTER_NS).then(|| moment(status.at_ns))
 }
 
 /// How the line as a whole is.
@@ -98,22 +140,22 @@ fn write_line(text: &mut String, status: &Status) -> fmt::Result {
         let lost = counted(status.lost_count as usize, "record was", "records were");
         writeln!(text, "{lost} lost in transit; the taps are taken again.")?;
     }
-    let age_ns = now_ns().saturating_sub(status.at_ns);
-    if age_ns > STANDS_AFTER_NS {
-        writeln!(text, "It has shown nothing for {} s.", age_ns / 1_000_000_000)?;
+    if let Some(since) = held_up_since(status) {
+        writeln!(text, "TROUBLE nothing from the line since {since}: what follows is old")?;
     }
     Ok(())
 }
 
 /// Its stations, the signs of their rigs, restarts of stages, and receivers that wait.
 fn write_stations(text: &mut String, status: &Status) -> fmt::Result {
-    let mut table = table(["station", "casing", "taps", "refused", "waits for"]);
+    let mut table = table(["station", "casing", "taps", "again", "refused", "waits for"]);
     for station in &status.stations {
         let of = |value: &dyn Fn(&CasingStatus) -> String| station.casing.as_ref().map_or_else(String::new, value);
         table.add_row([
             station.number.to_string(),
             of(&|casing| casing.name.clone()),
             of(&|casing| format!("{} of {}", casing.archived + casing.refused, casing.planned)),
+            of(&|casing| if casing.retaken > 0 { casing.retaken.to_string() } else { String::new() }),
             of(&|casing| if casing.refused > 0 { casing.refused.to_string() } else { String::new() }),
             station.waits_for.clone(),
         ]);
@@ -164,4 +206,23 @@ fn write_verdicts(text: &mut String, status: &Status) -> fmt::Result {
 fn moment(at_ns: i64) -> String {
     let time = Timestamp::from_nanosecond(at_ns.into()).map(|time| time.to_zoned(TimeZone::system()));
     time.map_or_else(|_| "at an unknown time".to_owned(), |time| time.strftime("%Y-%m-%d %H:%M:%S").to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a window that scrolls, so that its first lines are gone, and one that hides how much it hides.
+    #[test]
+    fn what_does_not_fit_a_window_is_counted() {
+        let text = "Line\nTROUBLE\nstations\na long alarm\nverdict\n";
+        assert_eq!(cut(text, 6, 80), text);
+        assert_eq!(cut(text, 5, 80), "Line\nTROUBLE\nstations\n... and 2 lines more\n");
+        // The alarm takes two rows.
+        assert_eq!(cut(text, 6, 8), "Line\nTROUBLE\nstations\n... and 2 lines more\n");
+        assert_eq!(cut(text, 7, 8), text);
+        for (rows, columns) in [(1, 1), (2, 4), (3, 3)] {
+            assert!(cut(text, rows, columns).ends_with("... and 5 lines more\n"));
+        }
+    }
 }

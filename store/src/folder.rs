@@ -197,7 +197,8 @@ pub fn last_finished(out: &Path, most: usize) -> Vec<Finished> {
 }
 
 impl Finished {
-    fn at(path: PathBuf) -> Option<Self> {
+    /// The file at `path`; `None` if its time cannot be read.
+    pub fn at(path: PathBuf) -> Option<Self> {
         let at = path.metadata().and_then(|there| there.modified()).ok()?;
         let at = at.duration_since(SystemTime::UNIX_EPOCH).ok()?;
         Some(Self { at_ns: i64::try_from(at.as_nanos()).ok()?, path })

@@ -201,7 +201,7 @@ fn what_was_killed_goes_on() {
     fs::remove_file(&whole).unwrap();
     // Killed later and later, until one has some of the taps but not all.
     let mut pause = Duration::from_millis(2);
-    let was_cut = (0..60).any(|_| {
+    let was_cut = (0..90).any(|_| {
         drop(fs::remove_file(&whole));
         let mut child =
             sandbox.command("reprocess run.h5 --from-samples --jobs 1").stdout(Stdio::null()).spawn().unwrap();

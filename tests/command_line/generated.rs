@@ -96,6 +96,10 @@ fn the_example_of_a_configuration_is_one() {
     assert!(said.contains("`tapline run` takes it only for recorded taps: the reference is A-17/1"), "{said}");
     let done = sandbox.run("run --config other.toml --out none").expect(1);
     assert!(done.err.contains("the reference is A-17/1") && !sandbox.path("none").exists(), "{done:?}");
+    // The stations of a line are in its configuration.
+    sandbox.write("plant.toml", &format!("{station}{reference}[[scan.tyre]]\nserial = \"S\"\nstation = 2\n"));
+    let said = sandbox.run("config --check plant.toml").expect(0).out;
+    assert_eq!(said, "plant.toml is a configuration\n");
     // A line may be given its reference later; the rest is checked all the same.
     sandbox.write("other.toml", &format!("{station}[process]\nf_top_hz = 50000.0\n"));
     let said = sandbox.run("config --check other.toml").expect(0);

@@ -290,7 +290,7 @@ fn an_interrupted_run_is_resumed() {
     let summary = resumed.json(0);
     assert_eq!(summary["pace"]["taps"].as_u64().unwrap(), 328 - archived, "only what was missing is taken");
     let there = |name: &str| {
-        let line = resumed.err.lines().find_map(|line| line.strip_prefix(&format!("casing {name} continues: ")));
+        let line = resumed.err.lines().find_map(|line| line.strip_prefix(&format!("casing {name} was begun before: ")));
         line.and_then(|line| line.strip_suffix(" of 164 taps are done")?.parse::<u64>().ok()).unwrap_or(0)
     };
     assert_eq!(there("SIM-0001") + there("SIM-0002"), archived, "{}", resumed.err);

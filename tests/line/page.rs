@@ -239,14 +239,14 @@ fn the_health_is_that_of_the_line() {
         until("the stage is back", || health().code == 200);
         until("the alarm is over", || {
             let alarms = alarms();
-            alarms.contains(&format!("\"over: {name} does not answer"))
-                && !alarms.contains(&format!("\"{name} does not answer"))
+            alarms.contains(&format!("\"over: the process {name} does not answer"))
+                && !alarms.contains(&format!("\"the process {name} does not answer"))
         });
     }
     // One that hangs and is killed answers again as well.
     let fuse = stage(line.child(), "fuse");
     signal(fuse, Signal::STOP);
-    until("fuse is missed again", || alarms().contains("\"fuse does not answer"));
+    until("fuse is missed again", || alarms().contains("\"the process fuse does not answer"));
     for count in 1..=3 {
         let fuse = stage(line.child(), "fuse");
         signal(fuse, Signal::KILL);
@@ -257,7 +257,7 @@ fn the_health_is_that_of_the_line() {
     }
     let ill = health();
     assert!(ill.code == 503 && ill.body.contains("fuse was started again 3 times"), "{ill:?}");
-    until("no alarm says that it hangs", || !alarms().contains("\"fuse does not answer"));
+    until("no alarm says that it hangs", || !alarms().contains("\"the process fuse does not answer"));
     line.interrupt().expect(0);
 }
 

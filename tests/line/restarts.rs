@@ -62,7 +62,7 @@ fn a_killed_line_goes_on_with_what_was_under_way() {
 }
 
 /// Catches a casing that is judged by half of its taps for good, as its set was taken away, and what goes wrong without an alarm:
-/// the set, and a casing whose station is not in the configuration any more.
+/// the set, a casing whose station is not in the configuration any more, and a file that an earlier line has put aside.
 #[test]
 fn a_set_that_comes_back_is_judged_in_full() {
     let sandbox = Sandbox::new();
@@ -81,8 +81,15 @@ fn a_set_that_comes_back_is_judged_in_full() {
     fs::rename(sandbox.path("inbox/A"), sandbox.path("away")).unwrap();
     // Without its station it stays.
     plant(2);
+    fs::create_dir(sandbox.path("out/left")).unwrap();
+    sandbox.write("out/left/Z.1.h5", "");
     let mut line = start();
     line.wait_for_log(&["casing A waits for station 1"]);
+    until("both are alarms", || {
+        let status = sandbox.run("status --out out --json").out;
+        status.contains("casing A waits for station 1, which is not in the configuration")
+            && status.contains("1 file that cannot be continued is in ")
+    });
     let ended = line.interrupt().expect(0).err;
     assert!(ended.contains("casing A is not done: its station 1 is not in the configuration"), "{ended}");
     plant(1);

@@ -77,6 +77,29 @@ fn tap_sets_that_are_moved_into_a_folder_are_judged() {
     assert!(under_way(&sandbox.path("out")).is_empty() && sandbox.left().is_empty());
 }
 
+/// Catches a rejected casing whose serial comes again, on another casing, without a word, also after the line was started anew.
+#[test]
+fn the_serial_of_a_rejected_casing_is_an_alarm_when_it_comes_again() {
+    let sandbox = Sandbox::new();
+    tap_sets(&sandbox);
+    let list = sandbox.path("sets/B/taps.csv");
+    let of_a = fs::read_to_string(&list).unwrap().replace(",B,", ",A,");
+    fs::write(&list, of_a).unwrap();
+    sandbox.write("plant.toml", &format!("{ROOM}{INBOX}"));
+    for (set, verdict, alarm_count) in [("A", "REJECT", 0), ("B", "PASS", 1)] {
+        let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json");
+        until("the inbox is made", || sandbox.path("inbox/failed").is_dir());
+        fs::rename(sandbox.path("sets").join(set), sandbox.path("inbox").join(set)).unwrap();
+        let judged = line.verdict();
+        assert_eq!((&judged["casing"], &judged["verdict"]), (&"A".into(), &verdict.into()));
+        let alarms = status(&sandbox)["alarms"].to_string();
+        let words = "station 1: A was judged REJECT at station 1 today: is this the same casing?";
+        assert_eq!(alarms.matches(words).count(), alarm_count, "{alarms}");
+        line.interrupt().expect(0);
+    }
+    assert_eq!(all_finished(&sandbox.path("out")), ["A", "A.2"]);
+}
+
 /// Starts a rig, and writes the configuration of a line with its station.
 fn rig_and_plant(sandbox: &Sandbox, script: &str, more: &str) -> Running {
     let (machine, address) = start_rig(sandbox, script);

@@ -76,3 +76,21 @@ fn who_looks_on_changes_nothing() {
     let refused = sandbox.run("status --out alone --json").expect(1);
     assert!(refused.err.contains("no line runs on alone"), "{refused:?}");
 }
+
+/// Catches a line that hangs and looks well to somebody who follows it.
+#[test]
+fn a_line_that_hangs_is_said_to() {
+    let sandbox = Sandbox::new();
+    slow_plant(&sandbox, 1, 20.0, "");
+    let line = Running::start(&sandbox, "line --config plant.toml --out out --json");
+    stage(line.child(), "acquire-0");
+    let mut follower = Running::start(&sandbox, "status --out out --follow");
+    assert!(follower.line().starts_with("Line on "));
+    line.signal(Signal::STOP);
+    let words = "TROUBLE nothing from the line since 20";
+    while !follower.line().starts_with(words) {}
+    assert!(sandbox.run("status --out out").expect(0).out.contains(words));
+    line.signal(Signal::CONT);
+    line.interrupt().expect(0);
+    follower.finish().expect(0);
+}

@@ -2,7 +2,7 @@
 
 use std::cmp::Reverse;
 use std::collections::BTreeSet;
-use std::fs::File;
+use std::fs::{self, DirEntry, File};
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -10,8 +10,9 @@ use std::time::Instant;
 
 use anyhow::Result;
 use tapline_host::atomic_file::{Existing, write_atomically};
-use tapline_store::{Finished, Reader, Unreported, last_finished};
-use tapline_wire::{CasingHeader, OVER, Quality, Reasons, now_ns};
+use tapline_host::messages::counted;
+use tapline_store::{Finished, LEFT_FOLDER, Places, Reader, Unreported, last_finished};
+use tapline_wire::{CasingHeader, OVER, Quality, Reasons, Verdict, now_ns};
 
 use crate::shown::casing::{CasingStatus, Layout, retaken};
 use crate::shown::rig::ASKS;
@@ -87,8 +88,15 @@ impl Supervisor<'_> {
         })
     }
 
-    /// Shows the last verdicts of earlier lines in the folder, so that a line that starts anew does not begin with an empty page.
+    /// Shows what earlier lines in the folder have left for people: their last verdicts, and files that were put aside.
     pub(super) fn recall(&mut self) {
+        let left = self.shown.out.join(LEFT_FOLDER);
+        let is_archive = |entry: &DirEntry| entry.path().extension().is_some_and(|ending| ending == "h5");
+        let count = fs::read_dir(&left).into_iter().flatten().flatten().filter(is_archive).count();
+        if count > 0 {
+            let files = counted(count, "file that cannot be continued is", "files that cannot be continued are");
+            self.alarm(format!("{files} in {}: their casings have no verdict by these taps", left.display()));
+        }
         for finished in last_finished(&self.shown.out, SHOWN_MAX) {
             if self.shown.verdicts.iter().any(|verdict| verdict.file == finished.path) {
                 continue;
@@ -146,6 +154,19 @@ impl Supervisor<'_> {
         self.shown.closed_count += 1;
     }
 
+    /// Raises an alarm if the casing `name`, which is begun at `station`, was rejected today: another one may have its serial.
+    pub(super) fn watch_serial(&mut self, station: u16, name: &str) {
+        let path = Places::new(&self.shown.out, true).finished(name);
+        let before = path.and_then(Finished::at).and_then(|finished| earlier(&finished).ok());
+        let Some(before) = before.filter(|before| before.verdict == Verdict::Reject) else { return };
+        let text = format!(
+            "station {station}: {name} was judged REJECT at station {} today: is this the same casing?",
+            before.station
+        );
+        tracing::warn!("{text}");
+        self.alarm(text);
+    }
+
     /// Prints the verdict on a casing of a list.
     fn print(&mut self, verdict: &CasingVerdict) {
         let form = self.audience.form;
@@ -161,16 +182,21 @@ impl Supervisor<'_> {
     fn watch_signals(&mut self, verdict: &CasingVerdict) {
         let flags = verdict.shoulders.iter().flat_map(|of| of.whole.flags.keys());
         let now = flags.fold(Quality::default(), |all, flag| all | Quality::named(flag));
-        let before = self.flagged.insert(verdict.station, now).unwrap_or_default();
-        let text = |flags: Quality| format!("station {}: most taps are {flags}: {}", verdict.station, flags.meaning());
+        let (before, begun) = self.flagged.remove(&verdict.station).unwrap_or_default();
         if now == before {
+            self.flagged.insert(verdict.station, (before, begun));
             return;
         }
         if !before.is_empty() {
-            self.alarm(format!("{OVER}{}", text(before)));
+            self.alarm(format!("{OVER}{begun}"));
         }
         if !now.is_empty() {
-            self.alarm(text(now));
+            let meaning = now.iter().map(Quality::meaning).collect::<Vec<_>>().join("; ");
+            let CasingVerdict { station, casing, .. } = verdict;
+            let text = format!("station {station}: most taps of {casing} are {now}: {meaning}");
+            tracing::warn!("{text}");
+            self.alarm(text.clone());
+            self.flagged.insert(verdict.station, (now, text));
         }
     }
 

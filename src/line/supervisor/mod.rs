@@ -132,8 +132,8 @@ pub(crate) struct Supervisor<'a> {
     with_rig: Vec<u16>,
     open: Vec<Open>,
     shown: Status,
-    /// Flags on most taps of the last casing of each station.
-    flagged: BTreeMap<u16, Quality>,
+    /// Flags on most taps of the last casing of each station, and the alarm that said so.
+    flagged: BTreeMap<u16, (Quality, String)>,
     /// Bytes of the largest casing so far.
     casing_bytes: u64,
     /// That the disk has room for few more casings, and when that was looked at.
@@ -302,11 +302,17 @@ impl<'a> Supervisor<'a> {
         self.settled_before += header.settled_before_count as usize;
         if header.settled_before_count > 0 {
             let there = format!("{} of {}", header.settled_before_count, header.tap_count);
-            let how = match self.has_station(station) {
-                true => "continues".to_owned(),
-                false => format!("waits for station {station}, which is not in the configuration"),
-            };
-            self.audience.progress.print(&format!("casing {name} {how}: {there} taps are done"));
+            if self.has_station(station) {
+                self.audience.progress.print(&format!("casing {name} was begun before: {there} taps are done"));
+            } else {
+                let text = format!(
+                    "casing {name} waits for station {station}, which is not in the configuration: {there} taps are done"
+                );
+                self.audience.progress.print(&text);
+                self.alarm(text);
+            }
+        } else if !self.is_list {
+            self.watch_serial(station, &name);
         }
         if let Some(station) = self.station(station) {
             (station.refused, station.is_removed) = (None, false);
