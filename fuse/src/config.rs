@@ -23,12 +23,9 @@ pub enum IndexKind {
 impl IndexKind {
     /// All of them.
     pub const ALL: [Self; 2] = [Self::Fused, Self::Dissertation];
-
-    /// Name in configurations and tables.
-    pub fn name(self) -> &'static str {
-        ["fused", "dissertation"][self as usize]
-    }
 }
+
+tapline_wire::named!(IndexKind, Fused = "fused", Dissertation = "dissertation");
 
 /// The direction of each discriminator: a table of those that deviate from [`Discriminator::direction`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

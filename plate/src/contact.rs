@@ -32,7 +32,7 @@ impl Layer {
 
 /// One impact.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Contact {
+pub(crate) struct Contact {
     /// Mass of the impactor.
     pub mass_kg: f64,
     /// Velocity at first touch.
@@ -72,7 +72,7 @@ impl State {
 impl Contact {
     /// Force at the instants `first_s`, `first_s + step_s`, ... after first touch, into `force_n`, until the impactor
     /// has left. Each step consists of `parts` Runge-Kutta steps of fourth order.
-    pub fn force(&self, first_s: f64, step_s: f64, parts: u32, force_n: &mut Vec<f64>) {
+    pub(crate) fn force(&self, first_s: f64, step_s: f64, parts: u32, force_n: &mut Vec<f64>) {
         self.follow(first_s, step_s, parts, |_, force| force_n.push(force));
     }
 

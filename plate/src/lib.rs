@@ -62,7 +62,7 @@ mod rig;
 mod scan;
 
 pub use casing::Casing;
-pub use contact::{Contact, Layer};
+pub use contact::Layer;
 pub use crack::Crack;
 pub use error::Error;
 pub use population::Population;

@@ -173,8 +173,8 @@ impl Line {
     /// The line that makes the taps of `plan` on `tyres`; `seed` decides every random number.
     ///
     /// # Errors
-    /// [`Error`] if the plan has other records than force and sound as 32-bit numbers, or a tyre that is not among `tyres`; also
-    /// the errors of [`Rig::new`].
+    /// [`Error`] if the plan has other records than force and sound as 32-bit numbers, a tyre that is not among `tyres`, or locations that
+    /// are not a full turn numbered from 0; also the errors of [`Rig::new`].
     pub fn new(population: &Population, seed: u64, tyres: &[Tyre], plan: &Plan) -> Result<Self, Error> {
         let recording = &plan.recording;
         if recording.sample_format != SampleFormat::F32 || recording.channels != Channel::BOTH {
@@ -184,6 +184,17 @@ impl Line {
         let shoulder = |scan: &Scan| {
             let tyre = tyres.iter().find(|tyre| tyre.serial == scan.tyre);
             let tyre = tyre.ok_or_else(|| Error::Recording { what: format!("tyre {}", scan.tyre) })?;
+            let count = scan.locations.len() as f64;
+            let is_at = |deg: f64, number: u32| (deg - 360.0 * f64::from(number) / count).abs() < 1e-6;
+            let mut locations = (0..).zip(&scan.locations);
+            let other = locations.find(|&(number, &(location, angle_deg))| {
+                location != number || angle_deg.is_some_and(|deg| !is_at(deg, number))
+            });
+            if let Some((number, (location, angle_deg))) = other {
+                let what =
+                    format!("location {location} at {angle_deg:?} degrees as number {number} of {count} of {scan}");
+                return Err(Error::Recording { what });
+            }
             Ok(Shoulder {
                 serial: scan.tyre,
                 number: scan.shoulder,

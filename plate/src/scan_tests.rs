@@ -94,4 +94,8 @@ fn what_cannot_be_recorded_is_refused() {
     let recording = Recording { sample_format: SampleFormat::I16, ..plan.recording.clone() };
     let counts = Plan::new(plan.geometry, recording, plan.taps().to_vec(), Truth::new()).unwrap();
     assert!(run(&counts, &tyres));
+    // It taps full turns: every other location would be tapped at the angle of another.
+    let some: Vec<PlannedTap> = plan.taps().iter().copied().filter(|tap| tap.id.location % 2 == 0).collect();
+    let some = Plan::new(plan.geometry, plan.recording.clone(), some, Truth::new()).unwrap();
+    assert!(run(&some, &tyres));
 }

@@ -27,7 +27,7 @@ pub struct Blows {
 pub fn of_blows(peaks: &[f64], known_n: &[f64]) -> Option<Blows> {
     let scales: Vec<f64> = peaks.iter().zip(known_n).map(|(peak, known_n)| known_n / peak).collect();
     if scales.len() < 2
-        || scales.len() != peaks.len()
+        || peaks.len() != known_n.len()
         || scales.iter().any(|scale| !(scale.is_finite() && *scale > 0.0))
     {
         return None;
@@ -54,7 +54,8 @@ pub struct Tone {
 /// The tone near `frequency_hz` in `samples`; `None` if they hold fewer than 100 of its periods, or if it is above half of the rate.
 pub fn of_tone(samples: &[f32], sample_rate_hz: f64, frequency_hz: f64) -> Option<Tone> {
     let periods = samples.len() as f64 / sample_rate_hz * frequency_hz;
-    if periods < 100.0 || (1.0 + SEARCH) * frequency_hz >= 0.5 * sample_rate_hz {
+    let is_below_half = (1.0 + SEARCH) * frequency_hz < 0.5 * sample_rate_hz;
+    if !(is_below_half && periods >= 100.0) {
         return None;
     }
     let middle = middle(samples, (SEARCH_S * sample_rate_hz) as usize);
@@ -125,6 +126,7 @@ mod tests {
         assert_eq!(of_blows(&[0.25], &[50.0]), None);
         assert_eq!(of_blows(&[0.25, 0.0], &[50.0, 50.0]), None);
         assert_eq!(of_blows(&[0.25, 0.3], &[50.0]), None);
+        assert_eq!(of_blows(&[0.25, 0.3], &[50.0, 60.0, 70.0]), None);
     }
 
     /// Catches a level that depends on where between two steps the frequency lies, on an offset, or on noise, and a level or a
@@ -157,6 +159,7 @@ mod tests {
         let falling = of_tone(&tone(1000.0, 0.0, 0.05), rate_hz, 1000.0).unwrap();
         assert!(falling.drift > 0.03, "{falling:?}");
         assert_eq!(of_tone(&tone(1000.0, 0.0, 0.0)[..4000], rate_hz, 1000.0), None);
+        assert_eq!(of_tone(&[], rate_hz, f64::NAN), None);
         assert_eq!(of_tone(&tone(1000.0, 0.0, 0.0), rate_hz, 24_000.0), None);
     }
 

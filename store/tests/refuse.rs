@@ -119,7 +119,7 @@ fn records_that_do_not_belong_here() {
     let (_here, _, given, mut writer) = begun(plan(SampleFormat::I16));
     let good = header(&given, 2, 32);
     let payload = samples(&good);
-    let mut bad = [good; 7];
+    let mut bad = [good; 8];
     bad[0].plan_index = 10;
     bad[1].plan_index = 3;
     bad[2].stamp.kind = RecordKind::End.code();
@@ -127,6 +127,7 @@ fn records_that_do_not_belong_here() {
     bad[4].channel_count = 1;
     bad[5].sample_count = 33;
     bad[6].channel_count = u32::MAX;
+    bad[7].sample_rate_hz = f64::NAN;
     for header in bad {
         assert!(writer.put_tap(&header, &payload).is_err(), "{header:?}");
     }

@@ -153,12 +153,14 @@ impl Fusion {
         Ok(())
     }
 
-    /// Whether scan number `scan`, its casing and its reference have ended, and every tap of them has come or was refused.
+    /// Whether scan number `scan`, its casing and its reference have ended, and every tap of them has come or was refused. Not of a scan that
+    /// there is not.
     pub fn can_be_judged(&self, scan: usize) -> bool {
-        self.groups.involved(scan).iter().all(|&involved| {
-            let progress = self.progress[involved];
-            progress.is_ended && progress.seen_count == self.plan.scans()[involved].taps.len()
-        })
+        self.check(scan).is_ok()
+            && self.groups.involved(scan).iter().all(|&involved| {
+                let progress = self.progress[involved];
+                progress.is_ended && progress.seen_count == self.plan.scans()[involved].taps.len()
+            })
     }
 
     fn check(&self, scan: usize) -> Result<(), Error> {

@@ -8,7 +8,7 @@ use crate::arcs::limits::Limits;
 use crate::index::Setup;
 use crate::reference::file::{Origin, ReferenceSet};
 use crate::reference::fitted::FittedReference;
-use crate::reference::known_shoulder::KnownShoulder;
+use crate::reference::known_shoulder::{KnownShoulder, check_shoulders};
 use crate::reference::pattern::Pattern;
 use crate::reference::standing_out::standing_out;
 use crate::reference::summary::{ScaleLine, Summary};
@@ -39,12 +39,11 @@ pub struct Built {
 /// The reference that `shoulders` make.
 ///
 /// # Errors
-/// [`Error::NotAReference`] of no shoulders, and of ones that the default index has no limits by.
+/// [`Error::NotAReference`] of no shoulders, of ones whose columns do not fit each other or that come twice, and of ones that the default
+/// index has no limits by.
 pub fn build_reference(of: &Built, shoulders: Vec<KnownShoulder>) -> Result<ReferenceSet, Error> {
     let refuse = |reason: &str| Error::NotAReference { reason: reason.to_owned() };
-    if shoulders.is_empty() {
-        return Err(refuse("it has no shoulder"));
-    }
+    check_shoulders(&shoulders)?;
     let mut set = ReferenceSet::of(shoulders, of.config.directions);
     set.lineage.clone_from(&of.lineage);
     set.process.clone_from(&of.process);

@@ -9,7 +9,7 @@ use tapline_wire::{Discriminator, Geometry, Plan, TapId, Values};
 
 use crate::index::Setup;
 use crate::reference::fitted::FittedReference;
-use crate::reference::known_shoulder::KnownShoulder;
+use crate::reference::known_shoulder::{KnownShoulder, check_shoulders};
 use crate::reference::pattern::Pattern;
 use crate::reference::summary::Summary;
 use crate::shoulder::Shoulder;
@@ -135,18 +135,8 @@ impl ReferenceSet {
                 set.digest
             )));
         }
-        if let Some(fault) = set.shoulders.iter().find_map(KnownShoulder::fault) {
-            return Err(refuse(fault));
-        }
-        let mut names: Vec<(&str, u16)> = set.shoulders.iter().map(|s| (s.tyre.as_str(), s.shoulder)).collect();
-        names.sort_unstable();
-        if let Some(twice) = names.windows(2).find(|pair| pair[0] == pair[1]) {
-            return Err(refuse(format!("it has the shoulder {}/{} twice", twice[0].0, twice[0].1)));
-        }
-        match set.shoulders.is_empty() {
-            true => Err(refuse("it has no shoulder".to_owned())),
-            false => Ok(set),
-        }
+        check_shoulders(&set.shoulders)?;
+        Ok(set)
     }
 
     /// Proof of its content: the SHA-256 of everything else, hexadecimal.

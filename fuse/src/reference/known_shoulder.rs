@@ -7,6 +7,7 @@ use tapline_wire::{
     Discriminator, Discriminators, Geometry, Plan, Purpose, Quality, Scan, Serial, TapId, Truth, Values,
 };
 
+use crate::Error;
 use crate::reference::pattern::Pattern;
 use crate::shoulder::conditions::edge_distance_mm;
 use crate::shoulder::ring::Ring;
@@ -151,7 +152,7 @@ impl KnownShoulder {
     }
 
     /// What is wrong with it, if anything is.
-    pub(super) fn fault(&self) -> Option<String> {
+    fn fault(&self) -> Option<String> {
         let name = || format!("shoulder {}/{}", self.tyre, self.shoulder);
         let count = self.locations.len();
         if self.serial().is_none() {
@@ -176,6 +177,23 @@ impl KnownShoulder {
         let shown = |value: Option<f64>| value.map_or_else(|| "unknown".to_owned(), |value| value.to_string());
         let (offset, velocity) = (shown(unnamed.offset_mm), shown(unnamed.velocity_m_per_s));
         Some(format!("{} has a turn at {offset} mm and {velocity} m/s, which no tap can have", name()))
+    }
+}
+
+/// Checks that `shoulders` can be a reference: that there are any, each only once, and that the columns of each fit each other.
+pub(super) fn check_shoulders(shoulders: &[KnownShoulder]) -> Result<(), Error> {
+    let refuse = |reason: String| Err(Error::NotAReference { reason });
+    if shoulders.is_empty() {
+        return refuse("it has no shoulder".to_owned());
+    }
+    if let Some(fault) = shoulders.iter().find_map(KnownShoulder::fault) {
+        return refuse(fault);
+    }
+    let mut names: Vec<(&str, u16)> = shoulders.iter().map(|s| (s.tyre.as_str(), s.shoulder)).collect();
+    names.sort_unstable();
+    match names.windows(2).find(|pair| pair[0] == pair[1]) {
+        Some(twice) => refuse(format!("it has the shoulder {}/{} twice", twice[0].0, twice[0].1)),
+        None => Ok(()),
     }
 }
 

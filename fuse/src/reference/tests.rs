@@ -73,11 +73,16 @@ fn what_is_no_reference_is_refused() {
     let with = |change: &dyn Fn(&mut KnownShoulder)| {
         let mut set = good.clone();
         change(&mut set.shoulders[0]);
-        refusal(set)
+        // It is not made either.
+        let unmade = build_reference(&built(), set.shoulders.clone()).unwrap_err().to_string();
+        let read = refusal(set);
+        assert_eq!(unmade, read);
+        read
     };
     assert!(with(&|s| s.tyre = String::new()).contains("serial"));
     assert!(with(&|s| s.locations.swap(0, 1)).contains("ascending"));
     assert!(with(&|s| s.angles_deg.truncate(99)).contains("99"));
+    assert!(with(&|s| s.is_cracked.as_mut().unwrap().truncate(1)).contains("column of 1"));
     assert!(with(&|s| s.turns[0].velocities_measured_m_per_s.truncate(99)).contains("99"));
     assert!(with(&|s| s.turns[0].offset_mm = Some(1e9)).contains("turn"));
     assert!(with(&|s| drop(s.turns[0].values.insert("loudness".into(), vec![None; 100]))).contains("loudness"));
@@ -97,6 +102,7 @@ fn a_shoulder_that_is_there_twice_is_refused() {
     assert!(ReferenceSet::parse(&set.clone().signed().text().unwrap()).is_ok());
     // Apart from each other, so that it is not neighbours only that are compared.
     set.shoulders.push(set.shoulders[0].clone());
+    assert!(build_reference(&built(), set.shoulders.clone()).unwrap_err().to_string().contains("A/1 twice"));
     let error = ReferenceSet::parse(&set.signed().text().unwrap()).unwrap_err();
     assert!(error.to_string().contains("A/1 twice"), "{error}");
 }

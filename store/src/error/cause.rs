@@ -9,7 +9,7 @@ use super::Error;
 
 /// What to do with an archive of layout `got` where only `known` is read.
 pub(super) fn way_out(got: u32, known: u32) -> &'static str {
-    if got > known { "a newer tapline wrote it, and reads it" } else { "no released tapline wrote it" }
+    if got > known { "a newer tapline wrote it, and reads it" } else { "an older tapline wrote it, and reads it" }
 }
 
 impl Error {

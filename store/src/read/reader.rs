@@ -250,11 +250,14 @@ impl Reader {
         Ok(refusals)
     }
 
-    /// Why the tap in plan row `row` was refused; empty if it was not.
+    /// Why the tap in plan row `row` was refused; empty if it was not, or if there is no such row.
     ///
     /// # Errors
     /// What the system returns.
     pub fn reason(&self, row: u32) -> Result<String> {
+        if row as usize >= self.plan().taps().len() {
+            return Ok(String::new());
+        }
         Ok(reason(&self.archive, row as usize)?.unwrap_or_else(|| REASON_LOST.to_owned()))
     }
 

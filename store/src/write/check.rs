@@ -26,6 +26,8 @@ pub(crate) fn check_shape(plan: &Plan, header: &TapHeader, samples: &[u8]) -> Re
     let (format, planned) = (SampleFormat::from_code(header.sample_format), recording.sample_format);
     let name = format.map_or("unknown", SampleFormat::name).to_owned();
     check(format == Some(planned), "sample format", name, planned.name().to_owned())?;
+    let (rate, planned) = (header.sample_rate_hz, recording.sample_rate_hz);
+    check(rate.total_cmp(&planned).is_eq(), "sample rate", format!("{rate} Hz"), format!("{planned} Hz"))?;
     let channels: Vec<Channel> = header.channels().map(|(kind, _)| kind).collect();
     let is_same = channels == recording.channels && channels.len() == header.channel_count as usize;
     check(is_same, "channels", format!("{channels:?}"), format!("{:?}", recording.channels))?;

@@ -10,6 +10,7 @@ pub(crate) mod parts;
 
 use rustc_hash::{FxBuildHasher, FxHashMap};
 
+use crate::CHANNELS_MAX;
 use crate::plan::digest::digest_of;
 use crate::plan::nominal::nominal_velocities;
 use crate::plan::parts::{PlannedTap, Recording, Scan, Truth};
@@ -65,6 +66,12 @@ pub enum PlanError {
     /// One shoulder is split over two stations.
     #[error("shoulder {shoulder} of tyre {tyre} is planned at station {first} and at station {second}")]
     TwoStations { tyre: Serial, shoulder: u16, first: u16, second: u16 },
+    /// A recording that no tap can have.
+    #[error("the recording has {what}; it must have {bound}")]
+    Recording { what: String, bound: String },
+    /// A tap was taken before it was planned.
+    #[error("{id} is planned at attempt {}; a plan has attempt 0", id.attempt)]
+    Attempt { id: TapId },
     /// Bytes that are not a plan.
     #[error("these bytes are not a plan: {what}")]
     Encoding { what: &'static str },
@@ -77,7 +84,8 @@ impl Plan {
     /// The plan of `taps`; scans are formed by tyre and shoulder, in order of first appearance.
     ///
     /// # Errors
-    /// [`PlanError`] when there are no taps, two share a name, or a shoulder has two stations.
+    /// [`PlanError`] when there are no taps, one is of a later attempt, two share a name, or a shoulder has two stations; also when the
+    /// recording has a sample rate that is not above 0, more than [`CHANNELS_MAX`] channels, or one twice.
     pub fn new(
         geometry: Geometry,
         recording: Recording,
@@ -101,6 +109,10 @@ impl Plan {
     ) -> Result<Self, PlanError> {
         if taps.is_empty() {
             return Err(PlanError::Empty);
+        }
+        check_recording(&recording)?;
+        if let Some(tap) = taps.iter().find(|tap| tap.id.attempt > 0) {
+            return Err(PlanError::Attempt { id: tap.id });
         }
         let mut first_row = FxHashMap::with_capacity_and_hasher(taps.len(), FxBuildHasher);
         for (second, tap) in taps.iter().enumerate() {
@@ -244,11 +256,25 @@ pub fn scans_of(taps: &[PlannedTap]) -> Result<Vec<Scan>, PlanError> {
     Ok(scans)
 }
 
+/// Checks that a tap can be recorded so.
+fn check_recording(recording: &Recording) -> Result<(), PlanError> {
+    let refuse = |what: String, bound: String| Err(PlanError::Recording { what, bound });
+    let Recording { sample_rate_hz: rate, channels, .. } = recording;
+    if !(rate.is_finite() && *rate > 0.0) {
+        return refuse(format!("a sample rate of {rate} Hz"), "one above 0".to_owned());
+    }
+    let count = channels.len();
+    if count > CHANNELS_MAX || (1..count).any(|k| channels[..k].contains(&channels[k])) {
+        return refuse(format!("the channels {channels:?}"), format!("at most {CHANNELS_MAX}, each once"));
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Purpose;
     use crate::plan::parts::recording;
+    use crate::{Channel, Purpose};
 
     fn tap(station: u16, tyre: &str, shoulder: u16, location: u32) -> PlannedTap {
         let id = TapId::new(station, Serial::new(tyre).unwrap(), shoulder, location);
@@ -276,6 +302,22 @@ mod tests {
         assert!(matches!(error, PlanError::Duplicate { first: 0, second: 2, .. }), "{error}");
         let error = plan(vec![tap(1, "A", 1, 0), tap(2, "A", 1, 1)]).unwrap_err();
         assert!(matches!(error, PlanError::TwoStations { first: 1, second: 2, .. }), "{error}");
+        let mut later = tap(1, "A", 1, 0);
+        later.id.attempt = 2;
+        assert_eq!(plan(vec![later]), Err(PlanError::Attempt { id: later.id }));
+        let recorded = |change: &dyn Fn(&mut Recording)| {
+            let mut recording = recording();
+            change(&mut recording);
+            Plan::new(Geometry::Ring, recording, vec![tap(1, "A", 1, 0)], Truth::new()).unwrap_err().to_string()
+        };
+        for rate in [f64::NAN, f64::INFINITY, 0.0, -1.0] {
+            let said = recorded(&|recording| recording.sample_rate_hz = rate);
+            assert_eq!(said, format!("the recording has a sample rate of {rate} Hz; it must have one above 0"));
+        }
+        for channels in [vec![Channel::Sound; 9], vec![Channel::Force, Channel::Force]] {
+            let said = recorded(&|recording| recording.channels.clone_from(&channels));
+            assert!(said.ends_with("it must have at most 4, each once"), "{said}");
+        }
     }
 
     /// Catches a source that passes for another: `digest` has a test of all else in which plans differ.

@@ -3,7 +3,7 @@
 use iceoryx2::prelude::ZeroCopySend;
 use serde::{Deserialize, Serialize};
 
-use crate::{Stamp, Stamped, TapId};
+use crate::{RecordKind, Stamp, Stamped, TapId};
 
 /// Most channels a record can have.
 pub const CHANNELS_MAX: usize = 4;
@@ -136,7 +136,7 @@ pub struct TapHeader {
 }
 
 impl TapHeader {
-    /// The header of a tap of so many floating-point samples of each of `channels`, in their units.
+    /// The header of a tap of so many floating-point samples of each of `channels`, in their units. Its name and plan row are to be filled in.
     pub fn in_units(sample_rate_hz: f64, pre_trigger_samples: u32, sample_count: u32, channels: &[Channel]) -> Self {
         let mut header = Self {
             sample_rate_hz,
@@ -144,6 +144,7 @@ impl TapHeader {
             sample_count,
             sample_format: SampleFormat::F32.code(),
             channel_count: u32::try_from(channels.len()).unwrap_or(u32::MAX),
+            stamp: Stamp { kind: RecordKind::Data.code(), ..Stamp::default() },
             ..Self::default()
         };
         for (slot, channel) in header.channels.iter_mut().zip(channels) {

@@ -137,7 +137,7 @@ fn what_does_not_fit_the_plan_is_an_error() {
     let other = Discriminators { plan_index: 7, ..all[0] };
     assert!(matches!(fusion.push(&other), Err(Error::OtherTap { row: 7, .. })));
     assert_eq!(fusion.end(2), Err(Error::NoSuchScan { got: 2, scan_count: 2 }));
-    assert!(fusion.judge(2).is_err());
+    assert!(fusion.judge(2).is_err() && !fusion.can_be_judged(2));
     let reference = Reference::Shoulder { tyre: tyre(), shoulder: 3 };
     let error = Fusion::new(&FuseConfig::by(reference), &plan).unwrap_err();
     assert_eq!(error, Error::ReferenceNotPlanned { tyre: tyre(), shoulder: 3, scan_count: 2 });
