@@ -71,7 +71,7 @@ impl ByHand {
                     if Serial::new(text).is_ok() {
                         return text.to_owned();
                     }
-                    format!("{text:?} is not a serial")
+                    no_serial(text)
                 }
                 Err(error) => error.to_string(),
             });
@@ -202,13 +202,31 @@ impl TappedByHand {
         self.heard.plan().scans().first().map_or("", |scan| scan.tyre.as_str())
     }
 
-    /// What the file of serials has, if it was written since this casing began, and is another serial than its own.
-    fn next_serial(&self) -> Option<String> {
+    /// The serial in the file of serials, if it was written since this casing began, and is another than its own. A text that is no
+    /// serial is told to people once, and ends nothing: nobody meant to begin a casing of that name.
+    fn next_serial(&mut self) -> Option<String> {
         let (at, file) = self.serial.as_ref()?;
-        written(file).filter(|&now| Some(now) != *at)?;
+        let now = written(file).filter(|&now| Some(now) != *at)?;
         let text = std::fs::read_to_string(file).ok()?;
-        Some(serial_in(&text)).filter(|next| !next.is_empty() && *next != self.serial()).map(str::to_owned)
+        let next = serial_in(&text);
+        if next.is_empty() {
+            return None;
+        }
+        if Serial::new(next).is_err() {
+            raise(&self.alarms, format!("{}: {}; casing {} goes on", file.display(), no_serial(next), self.serial()));
+            self.serial = Some((Some(now), file.clone()));
+            return None;
+        }
+        Some(next).filter(|next| *next != self.serial()).map(str::to_owned)
     }
+}
+
+/// Says that `text` is no serial, on one line: control characters are written as escapes.
+fn no_serial(text: &str) -> String {
+    /// As long as a serial may be, and a little more, to show what is wrong.
+    const SHOWN_MAX: usize = 40;
+    let shown: String = text.chars().take(SHOWN_MAX).collect();
+    format!("{shown:?}{} is not a serial", if shown == text { "" } else { "..." })
 }
 
 /// Messages for people that were not taken yet.
@@ -328,6 +346,34 @@ mod tests {
         assert!(station.name().starts_with("unknown-3-"));
         let [(RecordKind::Alarm, alarm)] = &station.take_messages()[..] else { panic!("one alarm") };
         assert!(alarm.contains("\"no/serial\" is not a serial; the casing is called unknown-3-"), "{alarm}");
+    }
+
+    /// Catches a casing that ends because a text that is no serial was written, an alarm of it in two lines, one at each look, and a
+    /// serial after it that does not end the casing.
+    #[test]
+    fn a_text_that_is_no_serial_ends_no_casing() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("serial.txt");
+        let cable = Cable::new(&config(16));
+        let mut station = station(&cable, Some(file.clone()));
+        write_at(&file, "A", 1_000_000_000);
+        cable.play([Step::Frames(frames(0..4000, &[1000, 2000]))]);
+        let mut first = casing(&mut station);
+        assert!(is_tap(&mut first, 0, 1000));
+        write_at(&file, "M-5\nM-6\u{1b}[31m\n", 1_000_000_001);
+        assert!(is_tap(&mut first, 1, 2000));
+        for _ in 0..2 {
+            assert_eq!(first.taps.poll(2, 0), Readiness::NotYet);
+        }
+        let alarms = station.take_messages();
+        let want = format!("{}: \"M-5\\nM-6\\u{{1b}}[31m\" is not a serial; casing A goes on", file.display());
+        assert_eq!(alarms, [(RecordKind::Alarm, want)]);
+        write_at(&file, &"x".repeat(1000), 1_000_000_002);
+        assert_eq!(first.taps.poll(2, 0), Readiness::NotYet);
+        let alarm = station.take_messages().remove(0).1;
+        assert!(alarm.ends_with(&format!("\"{}\"... is not a serial; casing A goes on", "x".repeat(40))), "{alarm}");
+        write_at(&file, "M-5", 1_000_000_003);
+        assert!(matches!(first.taps.poll(2, 0), Readiness::Gone(why) if why.contains("the serial M-5 was written")));
     }
 
     /// Catches a tap from before a gap, that nobody had taken, which ends the casing behind the gap.

@@ -273,17 +273,25 @@ impl RigCasing {
             0 if waited > HEARD_WITHIN + record => {
                 let before = self.unheard.map_or(0, |(count, _)| count);
                 self.unheard = Some((before.saturating_add(1), Instant::now()));
-                unheard(ear, hit.sent.elapsed())
+                let why = unheard(ear, hit.sent.elapsed());
+                self.link.dialogue().begin_unheard(&why);
+                why
             }
             0 => return Readiness::NotYet,
             1 => {
                 let readiness = self.struck.poll(tap.0, tap.1);
                 if readiness == Readiness::Ready {
                     (self.heard, self.unheard) = (Some(tap), None);
+                    self.link.dialogue().end_unheard();
                 }
                 return readiness;
             }
-            _ => "the rig was told to hit once, but was heard more than once".to_owned(),
+            _ => {
+                let why = "the rig was told to hit once, but was heard more than once";
+                self.link.dialogue().end_unheard();
+                self.link.dialogue().alarm_of(self.id, why);
+                why.to_owned()
+            }
         };
         self.heard = None;
         self.link.dialogue().fail(self.id, tap, &fault);

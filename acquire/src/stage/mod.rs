@@ -5,6 +5,7 @@ mod outlet;
 mod pace;
 mod station;
 mod tapping;
+mod unusable;
 
 use std::time::{Duration, Instant};
 

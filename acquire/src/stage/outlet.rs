@@ -55,6 +55,11 @@ impl<'a> Outlet<'a> {
         self.proposals.send(RecordKind::Refusal, stamp, cut(reason, REASON_BYTES_MAX).as_bytes())
     }
 
+    /// How often a tap of `source` may be taken again after this attempt.
+    pub(crate) fn retakes_left(&self, source: &dyn Source, attempt: u16) -> u16 {
+        if source.about().can_retake { self.retakes.saturating_sub(attempt) } else { 0 }
+    }
+
     /// Sends attempt `attempt` at the tap in plan row `row`, rendered by `source`.
     pub(crate) fn take(
         &mut self,
@@ -63,7 +68,7 @@ impl<'a> Outlet<'a> {
         row: u32,
         attempt: u16,
     ) -> Result<(), LineError> {
-        let retakes_left = if source.about().can_retake { self.retakes.saturating_sub(attempt) } else { 0 };
+        let retakes_left = self.retakes_left(source, attempt);
         let mut loan = self.taps.loan(cache_lines_for(source.plan().recording.payload_bytes_max()))?;
         let rendered = loan.fill(|header, buffer| {
             let rendered = source.render(row, attempt, header, buffer);

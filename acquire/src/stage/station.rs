@@ -8,6 +8,7 @@ use tapline_wire::{CasingHeader, Ledger, LineError, PlannedTap, RecordKind, now_
 use crate::stage::outlet::Outlet;
 use crate::stage::pace::{Next, Pace, SEND_AGAIN};
 use crate::stage::tapping::{Tapping, grow};
+use crate::stage::unusable::Unusable;
 use crate::{Arrival, Arrivals, Casing, CasingEnd, RunError, Source};
 
 /// How soon to check for the answer to a proposal without being notified.
@@ -33,6 +34,8 @@ pub(crate) struct Station {
     pace: Pace,
     /// Alarms not yet sent to the supervisor.
     alarms: VecDeque<(RecordKind, String)>,
+    /// Its taps that must be taken again.
+    unusable: Unusable,
     /// Whether the source is not ready.
     is_source_awaited: bool,
     /// What it waits for as last reported, and when.
@@ -64,6 +67,7 @@ impl Station {
             left_over: Vec::new(),
             left_over_since: None,
             alarms: VecDeque::new(),
+            unusable: Unusable::default(),
             pace: Pace { period, next_due: Instant::now() },
             is_source_awaited: false,
             reported: None,
@@ -108,6 +112,12 @@ impl Station {
             }
             Work::Tapping(mut tapping) if tapping.number == number => {
                 tapping.set_ledger(ledger);
+                while let Some(answer) = tapping.next_answer() {
+                    if let Some(alarm) = self.unusable.note(answer) {
+                        tracing::warn!(station = self.number(), casing = tapping.casing.name, "{alarm}");
+                        self.alarms.push_back((RecordKind::Alarm, alarm));
+                    }
+                }
                 self.work = Work::Tapping(tapping);
             }
             work => self.work = work,

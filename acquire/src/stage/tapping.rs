@@ -1,12 +1,18 @@
 //! A casing being tapped: which taps are due, what was sent, and whether its scans have ended.
 
+use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use tapline_wire::{Ledger, LineError, PlannedTap, RecordKind, ScanState, TapState, end_mark};
 
 use crate::stage::outlet::Outlet;
 use crate::stage::pace::{Next, Pace, SEND_AGAIN};
+use crate::stage::unusable::Answer;
 use crate::{Casing, Readiness};
+
+/// How often the archive is asked during a scan what it made of the taps: at the end of a scan of minutes, people would hear too late
+/// that none can be used.
+const ASK_EVERY: Duration = Duration::from_secs(1);
 
 /// A casing that is being tapped.
 #[derive(Debug)]
@@ -20,6 +26,10 @@ pub(crate) struct Tapping {
     barrier: u8,
     /// For each planned tap the attempt that was sent last.
     sent: Vec<Option<u16>>,
+    /// Rows and attempts that were sent, may be taken again, and are not answered yet, in their order.
+    unanswered: VecDeque<(u32, u16)>,
+    /// When the archive was last asked about them.
+    asked_at: Instant,
     /// Why no more taps will come, and whether the archive knows.
     gone: Option<String>,
     is_given_up: bool,
@@ -49,6 +59,8 @@ impl Tapping {
             scan: 0,
             barrier,
             sent,
+            unanswered: VecDeque::new(),
+            asked_at: Instant::now(),
             gone: None,
             is_given_up: false,
             drain_barrier: None,
@@ -125,6 +137,38 @@ impl Tapping {
         }
     }
 
+    /// What the archive made of the next tap, as its ledger has it.
+    pub(crate) fn next_answer(&mut self) -> Option<Answer> {
+        while let Some(&(row, attempt)) = self.unanswered.front() {
+            let answer = match self.ledger.taps().get(row as usize)? {
+                TapState::Archived => Some(Answer::Kept),
+                TapState::Refused => None,
+                TapState::Missing if self.ledger.attempt(row as usize) <= attempt => return None,
+                TapState::Missing if attempt == 0 => Some(Answer::FirstAgain),
+                TapState::Missing => Some(Answer::StillAgain),
+            };
+            self.unanswered.pop_front();
+            if answer.is_some() {
+                return answer;
+            }
+        }
+        None
+    }
+
+    /// Asks for the ledger in the middle of a scan, if answers are due and the last question was answered: by a barrier, for which
+    /// nothing waits.
+    fn ask(&mut self, outlet: &Outlet<'_>) -> Result<(), LineError> {
+        let is_due = self.is_taking() && !self.unanswered.is_empty() && self.asked_at.elapsed() >= ASK_EVERY;
+        let barrier = self.barrier.wrapping_add(1);
+        if is_due
+            && self.ledger.barrier == self.barrier
+            && outlet.try_mark(self.number, RecordKind::Barrier, barrier.into())?
+        {
+            (self.barrier, self.asked_at) = (barrier, Instant::now());
+        }
+        Ok(())
+    }
+
     /// Does what can be done now: one tap at most. Sets `is_source_awaited` if the source is not ready.
     pub(crate) fn step(
         &mut self,
@@ -133,6 +177,7 @@ impl Tapping {
         look_every: Duration,
         is_source_awaited: &mut bool,
     ) -> Result<Next, LineError> {
+        self.ask(outlet)?;
         match &mut self.phase {
             Phase::Tapping(rows) => {
                 let Some(&row) = rows.last() else { return self.send_barrier(outlet) };
@@ -152,7 +197,13 @@ impl Tapping {
                         rows.clear();
                         return Ok(Next::Now);
                     }
-                    Readiness::Ready => outlet.take(self.number, source, row, attempt)?,
+                    Readiness::Ready => {
+                        outlet.take(self.number, source, row, attempt)?;
+                        // A last attempt is kept whatever its record is: it says nothing.
+                        if outlet.retakes_left(source, attempt) > 0 {
+                            self.unanswered.push_back((row, attempt));
+                        }
+                    }
                     Readiness::Refused(refusal) => {
                         outlet.refuse_row(self.number, source, row, attempt, &refusal)?;
                     }
@@ -186,6 +237,8 @@ impl Tapping {
 
     /// Continues after the barrier: missing taps again, the end of the scan, or the next scan.
     fn barrier_passed(&mut self, outlet: &Outlet<'_>) -> Result<Next, LineError> {
+        // What has no answer yet was lost on its way, and is sent again.
+        self.unanswered.clear();
         if let Some(reason) = &self.gone {
             outlet.give_up(self.number, reason)?;
             self.is_given_up = true;
@@ -260,5 +313,39 @@ pub(crate) fn grow(casing: &mut Casing, added: &[PlannedTap]) {
     match casing.taps.plan().begun().grown(added) {
         Ok(plan) => casing.taps.grow(plan),
         Err(error) => tracing::error!(casing = casing.name, %error, "additional taps could not be planned"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tapline_model::SimulationConfig;
+
+    use super::*;
+    use crate::{ScanConfig, SimulatedLine, Source as _};
+
+    /// Catches an answer that is taken from a tap still on its way, that is counted twice or in another order than that of the taps, and
+    /// a refused tap that counts as one with an unusable record.
+    #[test]
+    fn each_tap_is_answered_once_and_in_its_order() {
+        let taps = SimulatedLine::new(&ScanConfig::default(), &SimulationConfig::default()).unwrap();
+        let mut ledger = Ledger::empty(taps.plan().taps().len(), taps.plan().scans().len());
+        let mut tapping = Tapping::new(7, Casing { name: "A".to_owned(), taps: Box::new(taps) }, ledger.clone());
+        tapping.unanswered.extend([(0, 0), (1, 0), (2, 0), (3, 0)]);
+        let answers = |tapping: &mut Tapping, ledger: &Ledger| -> Vec<Answer> {
+            tapping.set_ledger(ledger.clone());
+            std::iter::from_fn(|| tapping.next_answer()).collect()
+        };
+        assert_eq!(answers(&mut tapping, &ledger), []);
+        ledger.set_tap(0, TapState::Missing, 1);
+        ledger.set_tap(1, TapState::Refused, 0);
+        ledger.set_tap(3, TapState::Archived, 0);
+        assert_eq!(answers(&mut tapping, &ledger), [Answer::FirstAgain]);
+        assert_eq!(answers(&mut tapping, &ledger), [], "the third is on its way");
+        ledger.set_tap(2, TapState::Missing, 1);
+        assert_eq!(answers(&mut tapping, &ledger), [Answer::FirstAgain, Answer::Kept]);
+        tapping.unanswered.push_back((0, 1));
+        assert_eq!(answers(&mut tapping, &ledger), []);
+        ledger.set_tap(0, TapState::Missing, 2);
+        assert_eq!(answers(&mut tapping, &ledger), [Answer::StillAgain]);
     }
 }

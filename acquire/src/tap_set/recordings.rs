@@ -41,12 +41,8 @@ impl Recordings {
     /// # Errors
     /// [`Error`] if a table is missing or wrong, or if no recording can be used.
     pub(crate) fn open(dir: &Path) -> Result<Self, Error> {
-        let scan_file = dir.join("scan.toml");
-        let scan_text = text::read_text(&scan_file)?;
-        let scan = scan_toml::parse(&scan_file, &scan_text)?;
-        let taps_file = dir.join("taps.csv");
-        let taps = taps_csv::parse(&taps_file, &text::read_text(&taps_file)?, scan.geometry)?;
-        let scales = Scales::read(dir, &scan, &taps_file, &taps)?;
+        let (scan, scan_text, taps) = read_tables(dir)?;
+        let scales = Scales::read(dir, &scan, &dir.join("taps.csv"), &taps)?;
         let truth_file = dir.join("truth.csv");
         let truth = text::read(&truth_file)?.map_or(Ok(Truth::new()), |text| truth_csv::parse(&truth_file, &text))?;
         let header = |row: &TapRow| header_of(dir, row, &scan).map_err(|fault| fault.to_string());
@@ -108,6 +104,25 @@ impl Recordings {
         let parts = [self.scan_text.as_bytes(), scales.as_bytes()].into_iter().chain(about.iter().map(Vec::as_slice));
         digest_of_parts(parts)
     }
+}
+
+/// The two tables in `dir`, and the text of the first.
+fn read_tables(dir: &Path) -> Result<(ScanToml, String, Vec<TapRow>), Error> {
+    let scan_file = dir.join("scan.toml");
+    let scan_text = text::read_text(&scan_file)?;
+    let scan = scan_toml::parse(&scan_file, &scan_text)?;
+    let taps_file = dir.join("taps.csv");
+    let taps = taps_csv::parse(&taps_file, &text::read_text(&taps_file)?, scan.geometry)?;
+    Ok((scan, scan_text, taps))
+}
+
+/// The recordings that the tables in `dir` list, but for those of refused taps; some may not be there.
+///
+/// # Errors
+/// [`Error`] if a table is missing or wrong.
+pub(crate) fn listed_recordings(dir: &Path) -> Result<Vec<String>, Error> {
+    let (.., taps) = read_tables(dir)?;
+    Ok(taps.into_iter().filter(|row| row.extras.refused.is_none()).map(|row| row.file).collect())
 }
 
 /// The length of a recording's file and the digest of its beginning, which holds the noise before the impact and the

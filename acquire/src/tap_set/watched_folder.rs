@@ -1,21 +1,22 @@
 //! A watched folder: the tap sets that are moved into it are the casings of a station.
 //!
-//! A set is moved in as a whole, by a rename; its tables may come last. A set under way stays where it is, so that a
-//! line that was stopped finds it again. A set that is done moves to `done`, one that cannot be read to `failed`, with
-//! the reason.
+//! A set is moved in as a whole, by a rename, or copied: then its tables and recordings come one by one, and it is waited for. A set
+//! under way stays where it is, so that a line that was stopped finds it again. A set that is done moves to `done`, one that cannot be
+//! read to `failed`, with the reason.
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, BufRead as _, BufReader, Write as _};
 use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::{Path, PathBuf};
 use std::thread::sleep;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use rustix::fs::{CWD, OFlags, RenameFlags, renameat_with};
-use tapline_wire::RecordKind;
+use tapline_wire::{OVER, RecordKind};
 
+use crate::tap_set::recordings::listed_recordings;
 use crate::{Arrival, Arrivals, Casing, CasingEnd, Error, TapSetList, listed_tap_set};
 
 /// Folders of sets that are done, and of those that cannot be read.
@@ -33,6 +34,12 @@ const LOCK: &str = ".tapline.lock";
 const LOCK_TRIES: u32 = 100;
 const LOCK_PAUSE: Duration = Duration::from_millis(20);
 
+/// Time between two looks at a set that is not whole. If nothing has changed between them, nobody is writing it.
+const LOOK_AGAIN: Duration = Duration::from_secs(1);
+
+/// How long a set may be incomplete without a change until people are told.
+const TOLD_AFTER: Duration = Duration::from_secs(60);
+
 /// Largest number of sets of one name in one folder.
 const SAME_NAME_MAX: u32 = 100_000;
 
@@ -48,8 +55,8 @@ pub struct FolderArrivals {
     sets: Vec<OpenSet>,
     /// Sets that cannot be put aside; they stay where they are, and are not tried again.
     stuck: BTreeSet<OsString>,
-    /// What each set lacks that does not have both tables yet.
-    half: Vec<String>,
+    /// Sets that were not whole when they were looked at last.
+    half: BTreeMap<OsString, HalfSet>,
     /// Files that are in the folder itself and so in no set.
     loose_count: usize,
     /// Sets that may not be read; they are tried again.
@@ -58,6 +65,36 @@ pub struct FolderArrivals {
     fault: Option<String>,
     /// Messages for people, such as sets that are left out.
     messages: Vec<(RecordKind, String)>,
+}
+
+/// A set that is not whole, as it was at the last look.
+#[derive(Debug)]
+struct HalfSet {
+    /// What is waited for, for people.
+    waits_for: String,
+    /// Bytes of its files.
+    bytes: u64,
+    looked_at: Instant,
+    /// Since when they are no more.
+    since: Instant,
+    /// The alarm that it stays incomplete.
+    alarm: Option<String>,
+}
+
+impl HalfSet {
+    /// The end of its alarm, if there is one.
+    fn over(self) -> Option<(RecordKind, String)> {
+        self.alarm.map(|text| (RecordKind::Alarm, format!("{OVER}{text}")))
+    }
+}
+
+/// What is there of a set.
+#[derive(Debug)]
+struct Content {
+    /// Bytes of its files; an empty file counts as one.
+    bytes: u64,
+    /// What it lacks, for people; `None` if it is complete.
+    lacks: Option<String>,
 }
 
 /// A set that was begun.
@@ -108,17 +145,23 @@ impl FolderArrivals {
             // The name may have been mistyped.
             tracing::warn!("station {station}: the folder {} did not exist; it is made", folder.display());
         }
+        let mut messages = Vec::new();
+        // The alarms that told of them ended with the line before this one.
+        if let Some(text) = failed_before(&folder.join(FAILED)) {
+            tracing::warn!("station {station}: {text}");
+            messages.push((RecordKind::Alarm, text));
+        }
         Ok(Self {
             folder: folder.to_owned(),
             _lock: lock,
             station,
             sets: Vec::new(),
             stuck: BTreeSet::new(),
-            half: Vec::new(),
+            half: BTreeMap::new(),
             loose_count: 0,
             unreadable: BTreeSet::new(),
             fault: None,
-            messages: Vec::new(),
+            messages,
         })
     }
 
@@ -227,28 +270,17 @@ impl FolderArrivals {
         };
         (self.fault, self.loose_count) = (None, loose_count);
         self.stuck.retain(|name| names.contains(name));
-        self.half.clear();
         self.unreadable.retain(|name| names.contains(name));
+        let gone = self.half.extract_if(.., |name, _| !names.contains(name));
+        self.messages.extend(gone.filter_map(|(_, half)| half.over()));
         for name in names {
-            if self.stuck.contains(&name) || self.sets.iter().any(|set| set.folder_name == name) {
+            let is_taken = self.stuck.contains(&name) || self.sets.iter().any(|set| set.folder_name == name);
+            if is_taken || self.half.get(&name).is_some_and(|half| half.looked_at.elapsed() < LOOK_AGAIN) {
                 continue;
             }
             let dir = self.folder.join(&name);
-            match missing_tables(&dir) {
-                Ok(missing) if missing.is_empty() => {}
-                Ok(missing) => {
-                    self.half.push(format!("{} in {}", missing.join(" and "), dir.display()));
-                    continue;
-                }
-                Err(error) => {
-                    self.half.push(format!("the tap set {}: {error}", dir.display()));
-                    if self.unreadable.insert(name.clone()) {
-                        tracing::error!("station {}: {}: cannot be read: {error}", self.station, dir.display());
-                        let text = format!("tap set {} cannot be read: {error}", name.display());
-                        self.messages.push((RecordKind::Refusal, text));
-                    }
-                    continue;
-                }
+            if !self.is_whole(&name, &dir) {
+                continue;
             }
             match listed_tap_set(&dir, 1) {
                 Ok(list) => self.sets.push(OpenSet::new(name, &dir, list)),
@@ -256,6 +288,48 @@ impl FolderArrivals {
             }
             return true;
         }
+        false
+    }
+
+    /// Whether the set `name` in `dir` is complete, and nobody writes it: one that was incomplete before has not changed since.
+    fn is_whole(&mut self, name: &OsStr, dir: &Path) -> bool {
+        let before = self.half.remove(name);
+        let (bytes, waits_for, lacks) = match content_of(dir) {
+            Ok(Content { bytes, lacks: None }) if before.as_ref().is_none_or(|half| half.bytes == bytes) => {
+                self.messages.extend(before.and_then(HalfSet::over));
+                return true;
+            }
+            Ok(Content { bytes, lacks: None }) => {
+                (bytes, format!("the tap set {}, which is still being written", dir.display()), None)
+            }
+            Ok(Content { bytes, lacks: Some(lacks) }) => (bytes, format!("{lacks} in {}", dir.display()), Some(lacks)),
+            Err(error) => {
+                if self.unreadable.insert(name.to_owned()) {
+                    tracing::error!("station {}: {}: cannot be read: {error}", self.station, dir.display());
+                    let text = format!("tap set {} cannot be read: {error}", name.display());
+                    self.messages.push((RecordKind::Refusal, text));
+                }
+                (0, format!("the tap set {}: {error}", dir.display()), None)
+            }
+        };
+        let now = Instant::now();
+        let mut half = match before {
+            Some(half) if half.bytes == bytes => HalfSet { waits_for, looked_at: now, ..half },
+            before => {
+                self.messages.extend(before.and_then(HalfSet::over));
+                HalfSet { waits_for, bytes, looked_at: now, since: now, alarm: None }
+            }
+        };
+        if let Some(lacks) = lacks
+            && half.alarm.is_none()
+            && now.duration_since(half.since) >= TOLD_AFTER
+        {
+            let text = format!("tap set {} is not judged: it waits for {lacks}", name.display());
+            tracing::warn!("station {}: {text}", self.station);
+            self.messages.push((RecordKind::Alarm, text.clone()));
+            half.alarm = Some(text);
+        }
+        self.half.insert(name.to_owned(), half);
         false
     }
 }
@@ -316,14 +390,15 @@ impl Arrivals for FolderArrivals {
 
     fn waits_for(&self) -> String {
         let folder = self.folder.display();
-        match (&self.fault, &self.half[..]) {
+        let half: Vec<&str> = self.half.values().map(|half| half.waits_for.as_str()).collect();
+        match (&self.fault, &half[..]) {
             (Some(fault), _) => format!("the folder {folder}: {fault}"),
             (None, []) => match self.loose_count {
                 0 => format!("a tap set in {folder}"),
                 1 => format!("a tap set in {folder}: 1 file there is in no folder of its own"),
                 count => format!("a tap set in {folder}: {count} files there are in no folder of their own"),
             },
-            (None, [half]) => half.clone(),
+            (None, [half]) => (*half).to_owned(),
             (None, [first, _]) => format!("{first}; another set is incomplete too"),
             (None, [first, others @ ..]) => format!("{first}; {} other sets are incomplete too", others.len()),
         }
@@ -342,15 +417,46 @@ impl Arrivals for FolderArrivals {
     }
 }
 
-/// The tables that the tap set in `dir` lacks as yet.
-fn missing_tables(dir: &Path) -> io::Result<Vec<&'static str>> {
-    let mut missing = Vec::new();
-    for table in ["scan.toml", "taps.csv"] {
-        if !dir.join(table).try_exists()? {
-            missing.push(table);
-        }
+/// Says how many sets are in the folder `failed`; `None` if there are none.
+fn failed_before(failed: &Path) -> Option<String> {
+    // A folder that cannot be read is a fault of its own, with the first set that is to be moved there.
+    let (names, _) = set_names(failed).ok()?;
+    match names.len() {
+        0 => None,
+        1 => Some(format!("1 tap set is in {}: its {REASON} says why", failed.display())),
+        count => Some(format!("{count} tap sets are in {}: {REASON} in each says why", failed.display())),
     }
-    Ok(missing)
+}
+
+/// What is there of the tap set in `dir`.
+fn content_of(dir: &Path) -> io::Result<Content> {
+    const TABLES: [&str; 2] = ["scan.toml", "taps.csv"];
+    let mut bytes = 0;
+    // A file that is there and cannot be read, or is none, is refused with its tap.
+    let mut is_missing = |file: &str| match fs::metadata(dir.join(file)) {
+        Ok(about) => {
+            bytes += about.len().max(1);
+            false
+        }
+        Err(error) => error.kind() == io::ErrorKind::NotFound,
+    };
+    let mut missing = Vec::new();
+    for table in TABLES {
+        dir.join(table).try_exists()?;
+        missing.extend(is_missing(table).then_some(table));
+    }
+    if !missing.is_empty() {
+        return Ok(Content { bytes, lacks: Some(missing.join(" and ")) });
+    }
+    // Tables with an error are waited for no longer: the set is put aside with the reason.
+    let recordings = listed_recordings(dir).unwrap_or_default();
+    let mut missing = recordings.iter().filter(|file| is_missing(file));
+    let lacks = missing.next().map(|first| match (first.escape_debug(), missing.count()) {
+        (first, 0) => first.to_string(),
+        (first, 1) => format!("{first} and 1 more recording"),
+        (first, count) => format!("{first} and {count} more recordings"),
+    });
+    Ok(Content { bytes, lacks })
 }
 
 /// The folders in `folder` that may be tap sets, in the order of their names, and how many files lie beside them. Links are left out.

@@ -4,7 +4,7 @@ use tempfile::TempDir;
 
 use super::*;
 use crate::tap_set::listed::tests::set_of;
-use crate::tap_set::tests::SCAN;
+use crate::tap_set::tests::{HEADER, SCAN};
 
 fn watched() -> (TempDir, FolderArrivals) {
     let dir = tempfile::tempdir().unwrap();
@@ -27,6 +27,18 @@ fn next(folder: &mut FolderArrivals) -> Option<String> {
         }
         Arrival::NotYet => None,
         Arrival::Ended => panic!("a watched folder never ends"),
+    }
+}
+
+/// The next casing, of a set that must be found unchanged first.
+fn wait_for(folder: &mut FolderArrivals) -> String {
+    let since = Instant::now();
+    loop {
+        if let Some(name) = next(folder) {
+            return name;
+        }
+        assert!(since.elapsed() < Duration::from_secs(30), "no casing; {}", folder.waits_for());
+        sleep(Duration::from_millis(50));
     }
 }
 
@@ -168,11 +180,109 @@ fn bad_sets_are_put_aside_and_half_ones_waited_for() {
     for name in ["b", "e", "f"] {
         fs::remove_dir_all(inbox.join(name)).unwrap();
     }
+    assert_eq!(next(&mut folder), None);
     deliver(&dir, "b", &["B"]);
+    fs::create_dir(inbox.join("away")).unwrap();
     assert_eq!(next(&mut folder).as_deref(), Some("B"));
     folder.ended("B", &CasingEnd::Refused { reason: "too large".to_owned() });
     assert_eq!(names_in(&dir, "failed"), ["a", "b"]);
     assert_eq!(fs::read_to_string(inbox.join("failed/b").join(REASON)).unwrap(), "B: too large\n");
+    set_of(&inbox.join("g"), &["../away/X.wav,X,1,0,1.5,0,0,0".to_owned()], SCAN);
+    fs::remove_dir_all(inbox.join("away")).unwrap();
+    assert_eq!(next(&mut folder), None, "a recording elsewhere is not waited for");
+    assert!(fs::read_to_string(inbox.join("failed/g").join(REASON)).unwrap().contains("without '..'"));
+}
+
+/// Catches a set that is judged while it is copied: its recordings that are still to come would all be refused, and one that is half
+/// written. And one that waits for the recording of a refused tap, and one that comes as a whole and is looked at twice.
+#[test]
+fn a_set_that_is_copied_is_waited_for() {
+    let (dir, mut folder) = watched();
+    let (made, set) = (dir.path().join("made"), dir.path().join("inbox/a"));
+    let rows: Vec<String> = (0..3).map(|k| format!("A-{k}.wav,A,1,0,1.5,{k},{k},0,")).collect();
+    set_of(&made, &rows, SCAN);
+    let header = HEADER.replace("repetition", "repetition,refused");
+    let list = format!("{header}{}\nA-3.wav,A,1,0,1.5,3,3,0,no wire\n", rows.join("\n"));
+    fs::create_dir(&set).unwrap();
+    fs::copy(made.join("scan.toml"), set.join("scan.toml")).unwrap();
+    fs::write(set.join("taps.csv"), list).unwrap();
+    assert_eq!(next(&mut folder), None);
+    assert!(folder.waits_for().starts_with("A-0.wav and 2 more recordings in "), "{}", folder.waits_for());
+    assert!(folder.waits_for().ends_with("inbox/a"), "{}", folder.waits_for());
+    for file in ["A-2.wav", "A-0.wav"] {
+        fs::copy(made.join(file), set.join(file)).unwrap();
+    }
+    until(&mut folder, |waits_for| waits_for.starts_with("A-1.wav in "));
+    // It is there, and grows.
+    let whole = fs::read(made.join("A-1.wav")).unwrap();
+    fs::write(set.join("A-1.wav"), &whole[..50]).unwrap();
+    until(&mut folder, |waits_for| waits_for.ends_with("inbox/a, which is still being written"));
+    fs::write(set.join("A-1.wav"), &whole).unwrap();
+    deliver(&dir, "b", &["B"]);
+    assert_eq!(next(&mut folder).as_deref(), Some("B"), "it waits for nothing, and not behind another");
+    assert_eq!(wait_for(&mut folder), "A");
+    assert_eq!(folder.take_messages(), []);
+}
+
+/// Asks for casings, of which none comes, until the folder `waits_for` that.
+fn until(folder: &mut FolderArrivals, waits_for: impl Fn(&str) -> bool) {
+    let since = Instant::now();
+    while !waits_for(&folder.waits_for()) {
+        assert!(since.elapsed() < Duration::from_secs(30), "{}", folder.waits_for());
+        assert_eq!(next(folder), None);
+        sleep(Duration::from_millis(50));
+    }
+}
+
+/// Catches a set whose last file never comes, and of which nobody hears; an alarm that comes at once, or again and again, or that is
+/// never over; and a list that a terminal would obey.
+#[test]
+fn a_set_that_stays_incomplete_is_an_alarm() {
+    let (dir, mut folder) = watched();
+    let look = |folder: &mut FolderArrivals, age: Duration| {
+        for half in folder.half.values_mut() {
+            half.looked_at = half.looked_at.checked_sub(LOOK_AGAIN).unwrap();
+            half.since = half.since.checked_sub(age).unwrap();
+        }
+        (next(folder), folder.take_messages())
+    };
+    deliver(&dir, "a", &["A", "B"]);
+    let recording = dir.path().join("inbox/a/B.wav");
+    let away = dir.path().join("B.wav");
+    fs::rename(&recording, &away).unwrap();
+    fs::create_dir(dir.path().join("inbox/b")).unwrap();
+    let list = format!("{HEADER}\"\u{1b}[31m\nX.wav\",B,1,0,1.5,0,0,0\n");
+    fs::write(dir.path().join("inbox/b/taps.csv"), list).unwrap();
+    fs::write(dir.path().join("inbox/b/scan.toml"), SCAN).unwrap();
+    assert_eq!(look(&mut folder, Duration::ZERO), (None, vec![]));
+    let told = ["a is not judged: it waits for B.wav", "b is not judged: it waits for \\u{1b}[31m\\nX.wav"];
+    let told = told.map(|text| (RecordKind::Alarm, format!("tap set {text}")));
+    assert_eq!(look(&mut folder, TOLD_AFTER), (None, told.to_vec()));
+    assert_eq!(look(&mut folder, TOLD_AFTER), (None, vec![]));
+    let over = told.map(|(kind, text)| (kind, format!("{OVER}{text}")));
+    fs::remove_dir_all(dir.path().join("inbox/b")).unwrap();
+    assert_eq!(look(&mut folder, TOLD_AFTER), (None, vec![over[1].clone()]));
+    fs::rename(&away, &recording).unwrap();
+    assert_eq!(look(&mut folder, Duration::ZERO), (None, vec![over[0].clone()]));
+    assert_eq!(look(&mut folder, Duration::ZERO), (Some("A".to_owned()), vec![]));
+}
+
+/// Catches sets that an earlier line has put aside, and that nobody hears of again; and an alarm where there are none.
+#[test]
+fn sets_that_failed_before_are_an_alarm_at_the_start() {
+    let (dir, mut folder) = watched();
+    assert_eq!(folder.take_messages(), []);
+    drop(folder);
+    let inbox = dir.path().join("inbox");
+    for (name, want) in
+        [("a", "1 tap set is in *: its reason.txt says why"), ("b", "2 tap sets are in *: reason.txt in each says why")]
+    {
+        fs::create_dir(inbox.join("failed").join(name)).unwrap();
+        let want = want.replace('*', &inbox.join("failed").display().to_string());
+        let mut folder = FolderArrivals::open(&inbox, 3).unwrap();
+        assert_eq!(folder.take_messages(), [(RecordKind::Alarm, want)]);
+        assert_eq!((next(&mut folder), folder.take_messages()), (None, vec![]));
+    }
 }
 
 /// Catches a set that is put aside as refused while it is judged, because a later one has a casing of the same name that is too large.

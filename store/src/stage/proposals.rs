@@ -88,7 +88,7 @@ impl StageLoop<'_> {
                 return Ok(());
             }
             let cure = match self.line.limits().acquire_of(open.station) {
-                Some(_) => "it may come again when that is done",
+                Some(_) => "is its serial wrong? If not, it may come again when that is done",
                 None => {
                     "that station is not in the configuration: put it back, or move the file out of the folder `open`"
                 }

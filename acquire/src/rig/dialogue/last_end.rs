@@ -59,8 +59,10 @@ impl LastEnd {
         Some(report.line.clone())
     }
 
-    /// The serial of the casing that is done and still on the rig, as far as that has said.
-    pub(super) fn on_rig(&self) -> Option<&str> {
-        self.0.as_ref().filter(|report| report.is_sent).map(|report| report.serial.as_str())
+    /// How the casing ended that is still on the rig, as far as that has said, for people.
+    pub(super) fn on_rig(&self) -> Option<String> {
+        let report = self.0.as_ref().filter(|report| report.is_sent)?;
+        let how = if report.line.starts_with("refused ") { "was refused" } else { "is done" };
+        Some(format!("{} {how}", report.serial))
     }
 }

@@ -63,6 +63,8 @@ pub(crate) struct Dialogue {
     away_since: Option<Instant>,
     /// The alarm that said so, until the rig makes a tap again, or is back without a casing.
     away_alarm: Option<String>,
+    /// The alarm that hits are not heard, until one is. It outlasts a casing: so does a dead sensor.
+    unheard_alarm: Option<String>,
     last_received: Option<Instant>,
     /// When a rig at a port was last asked who it is.
     asked: Option<Instant>,

@@ -193,7 +193,7 @@ impl Dialogue {
             return Ok(true);
         }
         if let Some(line) = self.last_end.answer(serial).filter(|_| serial != UNKNOWN) {
-            tracing::info!("station {station}: casing {serial} is done; the rig has announced it again");
+            tracing::info!("station {station}: casing {serial} has ended; the rig has announced it again");
             self.send(&line);
             return Ok(false);
         }

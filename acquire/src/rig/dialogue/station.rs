@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use tapline_wire::{RecordKind, now_ns};
+use tapline_wire::{OVER, RecordKind, now_ns};
 
 use super::{Command, Current, Dialogue, Hit, LoadedCasing, Progress, Removal, Step, Tap};
 use crate::rig::protocol::UNKNOWN;
@@ -81,7 +81,21 @@ impl Dialogue {
         if let Some(current) = self.current.as_mut().filter(|current| current.id == id) {
             tracing::warn!("station {station}: casing {}: {why}", current.serial);
             current.step = Step::Failed(tap, why.to_owned());
-            self.alarm_of(id, why);
+        }
+    }
+
+    /// Raises the alarm that hits are not heard, for the reason `why`: once, until one is heard.
+    pub(crate) fn begin_unheard(&mut self, why: &str) {
+        if self.unheard_alarm.is_none() {
+            self.unheard_alarm = Some(why.to_owned());
+            self.alarm(why.to_owned());
+        }
+    }
+
+    /// Notes that a hit was heard.
+    pub(crate) fn end_unheard(&mut self) {
+        if let Some(text) = self.unheard_alarm.take() {
+            self.alarm(format!("{OVER}{text}"));
         }
     }
 
@@ -139,7 +153,7 @@ impl Dialogue {
             (Some(_), Some(Current { step: Step::Hit(..), .. }), None) => "its hit to be heard".to_owned(),
             (Some(name), Some(_), None) => format!("the rig {name:?} at {address}, to try again"),
             (Some(name), ..) => match self.last_end.on_rig() {
-                Some(serial) => format!("another casing on the rig {name:?} at {address}: {serial} is done"),
+                Some(ended) => format!("another casing on the rig {name:?} at {address}: {ended}"),
                 None => format!("a casing on the rig {name:?} at {address}"),
             },
         }

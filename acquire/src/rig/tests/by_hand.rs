@@ -6,7 +6,7 @@ use tapline_wire::OVER;
 
 use super::*;
 
-/// Catches words that are not those of `docs/rig-protocol.md`, and a tap that begins anew although it is there.
+/// Catches words that are not those of `docs/rig-protocol.md`, a refused casing that is said to be done, and a tap that begins anew although it is there.
 #[test]
 fn the_words_are_those_of_the_protocol() {
     let (listener, mut bench) = by_hand(30.0);
@@ -30,6 +30,7 @@ fn the_words_are_those_of_the_protocol() {
     assert_eq!(bench.poll(&mut casing, 2), Readiness::Ready, "it was made");
     bench.arrivals.ended("T 1", &CasingEnd::Refused { reason: "no\nroom".to_owned() });
     assert_eq!(rig.hear(), "refused T 1 no room");
+    assert!(bench.arrivals.waits_for().ends_with(": T 1 was refused"), "{}", bench.arrivals.waits_for());
     // The same serial again is another casing, but not when the rig did not hear that the first is closed.
     rig.say("removed\ncasing T 1\n");
     assert_eq!(rig.hear(), "scan T 1 7");
@@ -48,6 +49,7 @@ fn an_end_that_may_not_have_arrived_is_reported_again() {
     let (listener, mut bench, mut rig, casing) = scanning();
     bench.arrivals.ended(&casing.name, &CasingEnd::Closed { file: "x.h5".into(), was_there: false });
     assert_eq!(rig.hear(), "closed T");
+    assert!(bench.arrivals.waits_for().ends_with(": T is done"), "{}", bench.arrivals.waits_for());
     drop(rig); // it has answered nothing since
     let mut rig = ByHand::accept(&listener);
     rig.say("hello rig 1\ncasing T\n");

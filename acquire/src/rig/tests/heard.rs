@@ -1,5 +1,7 @@
 //! Taps of a rig that a sound card hears.
 
+use tapline_wire::OVER;
+
 use super::*;
 use crate::capture::TriggerConfig;
 use crate::capture::fake::{Cable, PRE, RECORD, Step, config, frames, frames_of, record};
@@ -162,4 +164,36 @@ fn an_unheard_hit_uses_up_no_try() {
         assert!(since.elapsed() < LONG);
     }
     assert_eq!(told, "move 1 0 0 5\n");
+}
+
+#[test]
+fn unheard_hits_are_one_alarm_until_one_is_heard() {
+    // Catches an alarm for each hit that a dead force sensor does not hear, and one that stays when it hears again, also where that is
+    // on the next casing.
+    let (mut bench, cable, mut rig, mut casing) = heard_bench();
+    cable.play([Step::Frames(frames(0..1000, &[]))]);
+    rig.is_homed(&bench, &mut casing, 0, "homed\n");
+    for from in [1000, 3000] {
+        strike(&mut rig, || cable.play([Step::Frames(frames(from..from + 2000, &[]))]));
+        bench.until_told(&mut casing, 0, "move 1 0 0 5");
+        assert_eq!(rig.hear(), "move 1 0 0 5");
+    }
+    // On a busy machine the rig of the test may take a second.
+    let unheard = |bench: &mut Bench| -> Vec<String> {
+        bench.alarms().into_iter().filter(|alarm| alarm.contains(UNHEARD)).collect()
+    };
+    let told = unheard(&mut bench);
+    assert!(told.len() == 1 && told[0].starts_with(UNHEARD), "{told:?}");
+    rig.say("removed\nerror it was taken away\ncasing U\n");
+    assert_eq!(rig.hear(), "scan U 7");
+    let mut casing = bench.casing();
+    bench.until_told(&mut casing, 0, "move 1 0 0 5");
+    assert_eq!(rig.hear(), "move 1 0 0 5");
+    strike(&mut rig, || cable.play([Step::Frames(frames(5000..7000, &[]))]));
+    bench.until_told(&mut casing, 0, "move 1 0 0 5");
+    assert_eq!(rig.hear(), "move 1 0 0 5");
+    assert_eq!(unheard(&mut bench), [""; 0]);
+    strike(&mut rig, || cable.play([Step::Frames(frames(7000..9000, &[8000]))]));
+    assert_eq!(bench.poll(&mut casing, 0), Readiness::Ready);
+    assert_eq!(unheard(&mut bench), [format!("{OVER}{}", told[0])]);
 }
