@@ -2,7 +2,11 @@
 
 use std::path::PathBuf;
 
+use anyhow::{Context as _, Result};
 use clap::{Args, ValueEnum};
+use jiff::Timestamp;
+use jiff::civil::DateTime;
+use jiff::tz::TimeZone;
 use tapline_host::arguments::ForceArgs;
 
 use crate::archives::Which;
@@ -112,6 +116,12 @@ pub(crate) struct ReportArgs {
     /// Name of the shift, on its page.
     #[arg(long)]
     pub shift: Option<String>,
+    /// Only casings whose last tap was made at this time or later, such as 2026-11-30T22:00: local time, unless it has an offset.
+    #[arg(long, value_name = "TIME", value_parser = time)]
+    pub from: Option<Timestamp>,
+    /// Only casings whose last tap was made before this time.
+    #[arg(long, value_name = "TIME", value_parser = time)]
+    pub to: Option<Timestamp>,
     /// Write only the page of the shift, for many casings.
     #[arg(long)]
     pub shift_only: bool,
@@ -122,6 +132,16 @@ pub(crate) struct ReportArgs {
     /// Print a line of JSON for each page.
     #[arg(long)]
     pub json: bool,
+}
+
+/// A time as people write it: of this machine's zone, unless it says of which.
+fn time(text: &str) -> Result<Timestamp> {
+    if let Ok(time) = text.parse::<Timestamp>() {
+        return Ok(time);
+    }
+    let local: DateTime =
+        text.parse().context("it must be a time such as 2026-11-30T22:00 or 2026-11-30T22:00+01:00")?;
+    Ok(local.to_zoned(TimeZone::system())?.timestamp())
 }
 
 #[derive(Debug, Args)]

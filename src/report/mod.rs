@@ -3,15 +3,17 @@
 mod evidence;
 mod figures;
 mod pages;
+mod span;
 
 use std::collections::BTreeSet;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use serde_json::json;
 use tapline_host::atomic_file::{check_folder, write_atomically};
+use tapline_host::messages::counted;
 use tapline_host::stdout::Stdout;
 use tapline_store::Reader;
 
@@ -24,6 +26,7 @@ use crate::config::reference::KeptReferences;
 use crate::config::report::ReportConfig;
 use crate::report::evidence::{Evidence, Tyre};
 use crate::report::pages::shift::Shift;
+use crate::report::span::Span;
 
 /// Name of the page of the shift.
 const SHIFT: &str = "shift.html";
@@ -32,20 +35,33 @@ const SHIFT: &str = "shift.html";
 pub(crate) fn report(args: &ReportArgs) -> Result<bool> {
     let printed = args.config.as_deref().map(|path| Config::read(path).map(|(config, _)| config.report)).transpose()?;
     printed.iter().try_for_each(ReportConfig::validate)?;
+    let span = Span::new(args.from, args.to)?;
     let archives = Archives::find(&args.archives, args.results.which())?;
     let folder = args.out.clone().unwrap_or_else(|| default_folder(&args.archives[0]));
     check_folder(&folder, args.force.existing())?;
     let mut work = Work::on(&archives);
-    let (mut shift, mut names, references) = (Shift::default(), BTreeSet::new(), Mutex::default());
+    let (mut shift, mut names, references) = (Shift::of(span), BTreeSet::new(), Mutex::default());
     let named = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     shift.unfinished = archives.unfinished.iter().map(|path| named(path)).collect();
-    let pages_of = |(): &mut (), file: &ArchiveFile| Pages::of(file, args.shift_only, printed.as_ref(), &references);
+    let pages_of =
+        |(): &mut (), file: &ArchiveFile| Found::at(file, args.shift_only, printed.as_ref(), span, &references);
     let nothing = || Ok(());
     each(&archives.files, cores(), nothing, pages_of, |file, pages| {
         work.note_done(file);
-        let Some(Pages { reader, evidence, pages }) = work.take(file, pages)? else {
+        let Some(found) = work.take(file, pages)? else {
             shift.left_out.push(named(&file.path));
             return Ok(());
+        };
+        let Pages { reader, evidence, pages } = match found {
+            Found::Pages(pages) => *pages,
+            Found::OfOtherTime => {
+                shift.others += 1;
+                return Ok(());
+            }
+            Found::WithoutTime => {
+                shift.timeless.push(named(&file.path));
+                return Ok(());
+            }
         };
         // If it cannot be in the shift it has no pages either.
         let Some(()) = work.take(file, shift.look_at(&reader, &evidence))? else {
@@ -63,12 +79,27 @@ pub(crate) fn report(args: &ReportArgs) -> Result<bool> {
         Ok(())
     })?;
     let is_complete = work.end()?;
+    if let Some(words) = span.words()
+        && shift.is_empty()
+    {
+        let count = counted(shift.others, "archive", "archives");
+        bail!("no casing was last tapped {words}: {count} of other times, {} without a time", shift.timeless.len());
+    }
     // Last, because it links to the others.
     let title = if archives.is_many { title_of(&args.archives) } else { String::new() };
     if let Some(page) = shift.page(title, args.shift.as_deref())? {
         put(&folder, SHIFT, &page, args)?;
     }
     Ok(is_complete)
+}
+
+/// What becomes of an archive.
+enum Found {
+    Pages(Box<Pages>),
+    /// It was tapped last at a time that is not asked for.
+    OfOtherTime,
+    /// It is not known when it was tapped, and only some times are asked for.
+    WithoutTime,
 }
 
 /// What an archive shows.
@@ -79,16 +110,22 @@ struct Pages {
     pages: Vec<Option<String>>,
 }
 
-impl Pages {
-    /// Of the archive `file`, with the place and the people of `printed` if that is given.
-    fn of(
+impl Found {
+    /// Of the archive `file`, if it is of `span`, with the place and the people of `printed` if that is given.
+    fn at(
         file: &ArchiveFile,
         is_shift_only: bool,
         printed: Option<&ReportConfig>,
+        span: Span,
         references: &Mutex<KeptReferences>,
     ) -> Result<Self> {
         tracing::info!("reading {}", file.path.display());
         let reader = Reader::open(&file.path)?;
+        match span.has(&reader)? {
+            Some(true) => {}
+            Some(false) => return Ok(Self::OfOtherTime),
+            None => return Ok(Self::WithoutTime),
+        }
         let reference = references.lock().unwrap_or_else(PoisonError::into_inner).of(&reader);
         let mut evidence = Evidence::read(&reader, reference.unwrap_or_default())?;
         if let Some(printed) = printed {
@@ -97,7 +134,7 @@ impl Pages {
         evidence.config.report.validate()?;
         let page = |tyre| (!is_shift_only).then(|| pages::tyre::page(&reader, &evidence, tyre)).transpose();
         let pages = evidence.tyres.iter().map(page).collect::<Result<_>>()?;
-        Ok(Self { reader, evidence, pages })
+        Ok(Self::Pages(Box::new(Pages { reader, evidence, pages })))
     }
 }
 

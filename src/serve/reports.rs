@@ -47,9 +47,14 @@ pub(super) async fn page(turn: &Semaphore, status: &Status, wanted: Wanted) -> R
     let Ok(Ok(_turn)) = tokio::time::timeout(TIMEOUT, turn.acquire()).await else {
         return refuse(StatusCode::SERVICE_UNAVAILABLE, "other reports are being made".to_owned());
     };
+    let file = wanted.file.display().to_string();
     let made = beside(TIMEOUT + Duration::from_secs(5), move || make(&wanted.file, wanted.tyre)).await;
     match made {
-        Ok(Ok(page)) => {
+        Ok(Ok(None)) => {
+            let why = format!("{file} is not there any more: it was moved or deleted, so no report can be made of it");
+            refuse(StatusCode::NOT_FOUND, why)
+        }
+        Ok(Ok(Some(page))) => {
             ([(CONTENT_TYPE, "text/html; charset=utf-8"), (CONTENT_SECURITY_POLICY, POLICY)], page).into_response()
         }
         Ok(Err(error)) => refuse(StatusCode::INTERNAL_SERVER_ERROR, format!("there is no report: {error:#}")),
@@ -57,9 +62,11 @@ pub(super) async fn page(turn: &Semaphore, status: &Status, wanted: Wanted) -> R
     }
 }
 
-/// Has this program write the pages of `file`, and returns the page of one tyre.
-fn make(file: &Path, tyre: usize) -> Result<String> {
-    ensure!(file.exists(), "{} is not there any more", file.display());
+/// Has this program write the pages of `file`, and returns the page of one tyre; `None` if the file is not there.
+fn make(file: &Path, tyre: usize) -> Result<Option<String>> {
+    if !file.try_exists().with_context(|| format!("cannot look for {}", file.display()))? {
+        return Ok(None);
+    }
     let folder = tempfile::tempdir().context("cannot make a folder for it")?;
     let mut child = Command::new("/proc/self/exe")
         .arg("report")
@@ -92,5 +99,5 @@ fn make(file: &Path, tyre: usize) -> Result<String> {
     // A page for each tyre, and one for the shift.
     let Some(path) = printed.lines().nth(tyre) else { bail!("it ended with {status}; the file may be damaged") };
     ensure!(Path::new(path).starts_with(folder.path()), "{path} is none of its pages");
-    std::fs::read_to_string(path).with_context(|| format!("cannot read {path}"))
+    std::fs::read_to_string(path).with_context(|| format!("cannot read {path}")).map(Some)
 }

@@ -2,6 +2,7 @@
 
 pub(crate) mod casing;
 pub(crate) mod latency;
+pub(crate) mod refused;
 pub(crate) mod rig;
 pub(crate) mod status;
 pub(crate) mod verdict;

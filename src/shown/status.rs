@@ -92,6 +92,8 @@ pub(crate) struct ReceiverStatus {
 /// What a station has done since the line was started, in closed casings.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Tally {
+    /// When the first of them was finished, in ns since the Unix epoch.
+    pub since_ns: Option<i64>,
     pub verdicts: VerdictCounts,
     pub archived: u64,
     pub refused: u64,
@@ -111,6 +113,7 @@ pub(crate) struct VerdictCounts {
 impl Tally {
     /// Adds a casing that is closed.
     pub(crate) fn add(&mut self, verdict: &CasingVerdict, retaken: u64) {
+        self.since_ns = Some(self.since_ns.map_or(verdict.at_ns, |since_ns| since_ns.min(verdict.at_ns)));
         *match verdict.verdict {
             Verdict::Pass => &mut self.verdicts.pass,
             Verdict::ReInspect => &mut self.verdicts.re_inspect,

@@ -10,6 +10,7 @@ use tapline_host::stdout::Stdout;
 use tapline_store::{Judged, Reader, Region, casing_id, peak, regions};
 use tapline_wire::{Calibration, Channel, Judgement, Reasons, Scan, TapState, Verdict, monotonic_ns};
 
+use crate::shown::refused::RefusedTaps;
 use crate::shown::whole::Whole;
 
 /// The result of one casing.
@@ -64,6 +65,9 @@ pub(crate) struct ShoulderVerdict {
     pub strongest_arc: Option<f64>,
     pub limit_re_inspect: Option<f64>,
     pub limit_reject: Option<f64>,
+    /// Why taps of it were refused, for people who look at the line; not in the JSON of a verdict.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refused_taps: Option<RefusedTaps>,
 }
 
 /// Where a region of damage lies. Angles are in degrees, clockwise from the start mark, and absent on a line.
@@ -109,7 +113,11 @@ impl CasingVerdict {
     /// The verdict in the file of the casing `name` with this `number`, which was finished at `at_ns`.
     pub(crate) fn read(name: &str, number: u64, at_ns: i64, reader: &Reader) -> Result<Self> {
         let (plan, ledger) = (reader.plan(), reader.ledger());
-        let shoulders = ShoulderVerdict::all(reader)?;
+        let mut shoulders = ShoulderVerdict::all(reader)?;
+        for (shoulder, scan) in shoulders.iter_mut().zip(plan.scans()) {
+            // Words for people: a verdict does not wait for them.
+            shoulder.refused_taps = RefusedTaps::of(reader, scan).unwrap_or_default();
+        }
         let worst = shoulders.iter().map(|s| s.verdict).max().unwrap_or(Verdict::ReInspect);
         Ok(Self {
             kind: "verdict".to_owned(),
@@ -128,7 +136,9 @@ impl CasingVerdict {
 
     /// The same as JSON, which `docs/verdict.schema.json` describes.
     pub(crate) fn json(&self) -> String {
-        serde_json::to_string(self).unwrap_or_default() // all keys are text, and a line refuses a folder whose name is not
+        let mut told = self.clone();
+        told.shoulders.iter_mut().for_each(|shoulder| shoulder.refused_taps = None);
+        serde_json::to_string(&told).unwrap_or_default() // all keys are text, and a line refuses a folder whose name is not
     }
 
     /// Prints it: a short or full line for each shoulder, or one line of JSON for all.
@@ -207,6 +217,7 @@ impl ShoulderVerdict {
             strongest_arc: known(judgement.strongest_arc),
             limit_re_inspect: known(judgement.limit_re_inspect),
             limit_reject: known(judgement.limit_reject),
+            refused_taps: None,
         })
     }
 
@@ -238,16 +249,27 @@ impl ShoulderVerdict {
         brief
     }
 
-    /// Its reasons except `but`, for people, with `between` them, each with its details.
+    /// Its reasons except `but`, for people, with `between` them, each with its details; first why taps were refused, in place of the reasons
+    /// that follow from that.
     pub(crate) fn why(&self, between: &str, but: &[&str]) -> String {
         let with_detail = |reason: &str| match self.whole.detail(reason) {
             Some(detail) => format!("{reason}: {detail}"),
             None => reason.to_owned(),
         };
-        let reasons = self.reasons.split('|').filter(|reason| !but.contains(reason)).map(with_detail);
+        let refused = self.refused_taps.as_ref();
+        let follows = |reason: &str| refused.is_some_and(|refused| refused.covers(reason));
+        let reasons =
+            self.reasons.split('|').filter(|reason| !but.contains(reason) && !follows(reason)).map(with_detail);
         let is_above = self.strongest_arc.zip(self.limit_re_inspect).is_some_and(|(arc, limit)| arc >= limit);
         let cleared = (self.verdict == Verdict::Pass && is_above).then(|| "cleared by the second reading".to_owned());
-        cleared.into_iter().chain(reasons).filter(|reason| !reason.is_empty()).collect::<Vec<_>>().join(between)
+        let first = refused.map(|refused| refused.text.clone());
+        first
+            .into_iter()
+            .chain(cleared)
+            .chain(reasons)
+            .filter(|reason| !reason.is_empty())
+            .collect::<Vec<_>>()
+            .join(between)
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::path::Path;
 
 use tapline_store::Reader;
 
@@ -9,6 +10,7 @@ use crate::sandbox::Sandbox;
 use crate::sandbox::archives::{names, part_of};
 use crate::sandbox::recordings::write_wav;
 use tapline_testing::documents::csv_rows;
+use tapline_testing::program::Done;
 
 /// A cracked tyre whose name looks like markup, and a sound one whose name looks like a path into another folder.
 const SCAN: &str = r#"
@@ -156,6 +158,121 @@ fn a_shift_says_what_differs_and_what_it_lacks() {
     sandbox.run("report cracked --shift-only --out why").expect(0);
     let why = page(&sandbox, "why/shift.html");
     assert!(why.contains("1: REJECT (damage") && why.contains("<td><code>damage</code></td>"));
+}
+
+/// Catches a shoulder whose taps never came and that is explained by what follows from this, a fault of a sensor that a few refused taps
+/// hide, a line of the list for each file, and reasons that lack in a table.
+#[test]
+fn taps_that_never_came_are_the_reason() {
+    let sandbox = Sandbox::new();
+    let scan = SHORT.replace("repetitions = 1", "repetitions = 3");
+    sandbox.write(
+        "scan.toml",
+        &format!("{scan}[[scan.tyre]]\nserial = \"A\"\ncrack = []\n[fuse]\nreference = \"self\"\n"),
+    );
+    sandbox.run("run --config scan.toml --out made").expect(0);
+    let again = |taps: &str, alter: &dyn Fn(usize, &Path)| {
+        sandbox.run(&format!("export made/A.h5 taps --out {taps}")).expect(0);
+        let table = csv_rows(&fs::read_to_string(sandbox.path(&format!("{taps}/taps.csv"))).unwrap());
+        for (k, row) in table.iter().filter(|row| row["shoulder"] == "2").enumerate() {
+            alter(k, &sandbox.path(&format!("{taps}/{}", row["file"])));
+        }
+        sandbox.run(&format!("run --taps {taps} --config {taps}/config.toml --out {taps}-run")).expect(3);
+        sandbox.run(&format!("report {taps}-run --shift-only --out {taps}-report")).expect(0);
+        let page = page(&sandbox, &format!("{taps}-report/shift.html"));
+        assert_well_formed(taps, &page);
+        let verdicts = csv_rows(&sandbox.run(&format!("export {taps}-run/A.h5 verdicts")).expect(0).out);
+        (page, verdicts[1]["reasons"].clone(), table.len() / 2)
+    };
+    // The casing went away after its first shoulder.
+    let (shift, reasons, count) = again("gone", &|_, file| fs::remove_file(file).unwrap());
+    let cause = format!("{count} of {count} planned taps were refused: the file does not exist");
+    assert!(shift.contains(&format!("2: RE-INSPECT ({cause})")), "{shift}");
+    assert!(shift.contains(&format!("<td>the file does not exist</td><td class=\"n\">{count}</td>")), "{shift}");
+    let (overview, why) = shift.split_once("Why shoulders did not pass").unwrap();
+    assert!(why.contains("<td><code>taps_refused</code></td>"), "{why}");
+    for follows in ["location_blind", "no_index", "features_absent"] {
+        assert!(!overview.contains(follows) && !why.contains(&format!("<code>{follows}</code>")), "{follows}");
+        assert!(reasons.contains(follows), "{follows}: {reasons}");
+    }
+    sandbox.run("report gone-run --out tyre").expect(0);
+    let tyre = page(&sandbox, "tyre/tyre-A.html");
+    assert!(tyre.contains(&format!("\"why\">{cause}. ")) && !tyre.contains("A discriminator that the index needs"));
+    // One lacks, and the microphone was dead all the time.
+    let mute = |k: usize, file: &Path| {
+        if k == 7 {
+            return fs::remove_file(file).unwrap();
+        }
+        let mut bytes = fs::read(file).unwrap();
+        let start = bytes.windows(4).position(|word| word == b"data").unwrap() + 8;
+        // 16 bits of force, then 16 bits of sound.
+        bytes[start..].chunks_exact_mut(4).for_each(|frame| frame[2..].fill(0));
+        fs::write(file, bytes).unwrap();
+    };
+    let (shift, ..) = again("mute", &mute);
+    let cause = format!("2: RE-INSPECT (1 of {count} planned taps were refused: the file does not exist; ");
+    assert!(shift.contains(&cause), "{shift}");
+    assert!(shift.contains("<code>features_absent</code>"), "{shift}");
+}
+
+/// Catches a casing that was rejected and whose other scan, which passed, is far below it; casings of another shift; a limit that is taken
+/// for one of another time zone; and times that nobody at the line reads on a clock.
+#[test]
+fn a_shift_has_its_casings_and_its_time() {
+    let sandbox = Sandbox::new();
+    for (out, crack) in
+        [("first", "{ shoulder = 2, first_location = 10, location_count = 4, depth_mm = 6.0 }"), ("then", "")]
+    {
+        let tyre = |serial: &str, crack: &str| format!("[[scan.tyre]]\nserial = \"{serial}\"\ncrack = [{crack}]\n");
+        let tyres = format!("{}{}", tyre("X", crack), tyre(&format!("Y-{out}"), ""));
+        sandbox.write("scan.toml", &format!("{SHORT}{tyres}[fuse]\nreference = \"self\"\n"));
+        sandbox.run(&format!("run --config scan.toml --out {out}")).expect(0);
+    }
+    let report = |options: &str| {
+        let arguments = format!("report first then --shift-only --force --out shift {options}");
+        Done::from(sandbox.command(&arguments).env("TZ", "<+02>-2").output().unwrap())
+    };
+    let shift = |options: &str| {
+        report(options).expect(0);
+        page(&sandbox, "shift/shift.html")
+    };
+    let all = shift("");
+    assert_well_formed("shift", &all);
+    let (head, rest) = all.split_once("<dl>").unwrap();
+    assert!(head.contains("<strong>Scanned more than once: </strong>X (REJECT, PASS)."), "{head}");
+    assert!(rest.contains("(4 scans of 3 tyres)") && rest.contains(" +02:00"), "{rest}");
+    // Both runs have the same simulated times.
+    let last_s = |casing: &str| {
+        let headers = Reader::open(sandbox.path(&format!("first/{casing}.h5"))).unwrap().headers().unwrap();
+        headers.into_iter().flatten().map(|header| header.tap_time_ns).max().unwrap() / 1_000_000_000
+    };
+    assert!(last_s("X") < last_s("Y-first"));
+    let at = |seconds: i64, zone: &str| format!("{}T00:00:{seconds:02}{zone}", "2026-01-01");
+    let second = last_s("Y-first") - last_s("X").div_euclid(86_400) * 86_400;
+    let local = at(second, "").replace("T00", "T02");
+    for time in [local.clone(), at(second, "Z")] {
+        let (early, late) = (shift(&format!("--to {time}")), shift(&format!("--from {time}")));
+        assert!(early.contains(">X<") && !early.contains(">Y-first<"), "{time}: {early}");
+        assert!(late.contains(">Y-first<") && !late.contains(">X<"), "{time}: {late}");
+        let said = local.replace('T', " ") + " +02:00";
+        assert!(early.contains(&format!(
+            "<strong>Casings last tapped before {said}.</strong> Left out: 2 archives of other times."
+        )));
+        assert!(late.contains(&format!(
+            "<strong>Casings last tapped from {said} on.</strong> Left out: 2 archives of other times."
+        )));
+    }
+    for (options, said) in [
+        (
+            "--from 2027-01-01".to_owned(),
+            "no casing was last tapped from 2027-01-01 00:00:00 +02:00 on: 4 archives of other times",
+        ),
+        (format!("--from {local} --to {local}"), "must be before --to"),
+        ("--from soon".to_owned(), "it must be a time such as 2026-11-30T22:00"),
+    ] {
+        let done = report(&options);
+        assert!(done.err.contains(said), "{options}: {}", done.err);
+    }
 }
 
 fn assert_stand_alone(pages: &BTreeMap<String, String>) {

@@ -18,6 +18,7 @@ use tapline_wire::{
 use crate::config::Config;
 use crate::config::reference::fusion_of;
 use crate::report::evidence::condition::Condition;
+use crate::shown::refused::RefusedTaps;
 use crate::shown::whole::Whole;
 
 /// Everything that the pages of one archive show, except samples.
@@ -65,6 +66,8 @@ pub(crate) struct Shoulder {
     /// RE-INSPECT if nothing is judged, because a missing verdict is not a PASS.
     pub verdict: Verdict,
     pub reasons: Reasons,
+    /// Why taps of it were refused.
+    pub refused: Option<RefusedTaps>,
     /// Probabilities that a sound shoulder is not passed, and that it is rejected, for which the limits were set.
     pub rates: Option<[f64; 2]>,
     /// The evidence from which an arc is suspect, and from which it is damage.
@@ -204,7 +207,7 @@ fn tyres(reader: &Reader, mut fusion: Option<Fusion>, tap: impl Fn(u32, &Places)
         let places = Places::of_scan(plan.geometry == Geometry::Ring && has_angles, scan);
         let taps = scan.taps.iter().map(|&row| tap(row, &places)).collect();
         let verdict = reader.verdict(number, judged.as_ref());
-        let mut shoulder = shoulder(reader, scan, &places, verdict, judged, taps);
+        let mut shoulder = shoulder(reader, scan, &places, verdict, judged, taps)?;
         // The map of a single offset repeats the whole.
         let maps = fusion.as_mut().and_then(|fusion| fusion.by_offset(number).ok());
         shoulder.offsets = maps.filter(|maps| maps.len() > 1).unwrap_or_default();
@@ -223,7 +226,7 @@ fn shoulder(
     (verdict, reasons): (Verdict, Reasons),
     judged: Option<Judged>,
     taps: Vec<Tap>,
-) -> Shoulder {
+) -> Result<Shoulder> {
     let cracked = |location| reader.truth().get(&(scan.tyre, scan.shoulder, location)).copied();
     let blank = |&(location, _): &(u32, Option<f64>)| DamageCell { location, ..DamageCell::default() };
     let (judgement, map) = judged.unwrap_or_else(|| (Judgement::default(), scan.locations.iter().map(blank).collect()));
@@ -237,11 +240,12 @@ fn shoulder(
     let known = |value: f64| Some(value).filter(|value| value.is_finite());
     let qualities = || taps.iter().filter_map(|tap| tap.found.map(|found| found.quality));
     let limits = known(judgement.limit_re_inspect).zip(known(judgement.limit_reject));
-    Shoulder {
+    Ok(Shoulder {
         number: scan.shoulder,
         station: scan.station,
         verdict,
         reasons,
+        refused: RefusedTaps::of(reader, scan)?,
         rates: known(judgement.re_inspect_rate).zip(known(judgement.reject_rate)).map(Into::into),
         limits: limits.map(|(re_inspect, reject)| Limits { re_inspect, reject }),
         strongest_arc: known(judgement.strongest_arc),
@@ -252,7 +256,7 @@ fn shoulder(
         regions: regions(reader.plan().geometry, &map),
         taps,
         offsets: Vec::new(),
-    }
+    })
 }
 
 /// Positions of the locations of one shoulder in pictures.
@@ -305,6 +309,12 @@ impl Tyre {
 }
 
 impl Shoulder {
+    /// Its reasons without those that merely follow from taps that were refused, which [`Shoulder::refused`] explains.
+    pub(crate) fn reasons_told(&self) -> Reasons {
+        let follows = self.refused.as_ref().map_or_else(Reasons::default, |refused| Reasons::named(&refused.covers));
+        self.reasons.difference(follows)
+    }
+
     /// The location with the highest index; of several equal ones, the middle one.
     pub(crate) fn peak(&self) -> Option<&Cell> {
         let known = || self.cells.iter().filter_map(|cell| cell.index.map(|index| (index, cell)));

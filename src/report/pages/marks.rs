@@ -27,7 +27,8 @@ pub(crate) fn verdicts(geometry: Geometry, tyre: &Tyre) -> Markup {
                 td data-label=(side) { (shoulder.number) }
                 td data-label="verdict" { (verdict_word(shoulder.verdict)) }
                 td data-label="why" {
-                    (words::reasons(geometry, shoulder.reasons.difference(common))) " "
+                    @if let Some(refused) = &shoulder.refused { (refused.text) ". " }
+                    (words::reasons(geometry, shoulder.reasons_told().difference(common))) " "
                     @for (what, detail) in details(shoulder) { (what) ": " (detail) ". " }
                     (rests_on(shoulder))
                 }

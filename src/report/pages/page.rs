@@ -316,9 +316,10 @@ mod tests {
         let (one, two) = (1_767_225_600_000_000_000, 1_767_225_640_000_000_000);
         let said =
             [vec![], vec![0, 0], vec![one], vec![two, one], vec![0, two, one]].map(|all| between(all.into_iter()));
-        let range = "2026-01-01 00:00:00 UTC to 2026-01-01 00:00:40 UTC";
+        let [first, last] = [one, two].map(words::moment);
+        let range = format!("{first} to {last}");
         let unknown = "at a time that was not recorded";
-        assert_eq!(said[..4], ["at no time yet", unknown, "2026-01-01 00:00:00 UTC", range]);
+        assert_eq!(said[..4], ["at no time yet", unknown, &first, &range]);
         assert_eq!(said[4], format!("{range}, some {unknown}"));
     }
 

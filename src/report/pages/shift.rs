@@ -16,11 +16,16 @@ use crate::report::pages::page::{self, figure, small_figure, verdict_word};
 use crate::report::pages::paper::{self, Paper};
 use crate::report::pages::rig::RigsOfShift;
 use crate::report::pages::tyre::boxes_words;
-use crate::report::pages::words::{LIMITS, body, moment, side};
+use crate::report::pages::words::{LIMITS, bodies, body, moment, side};
+use crate::report::span::Span;
+use crate::shown::refused::without_file;
 use crate::shown::verdict::{DamageArc, places};
 
 /// Most tyres whose index is drawn.
 const DRAWN_MOST: usize = 60;
+
+/// Most serials that are named as scanned more than once.
+const AGAIN_MOST: usize = 20;
 
 /// Contents of the page of a shift, collected archive by archive.
 #[derive(Default)]
@@ -35,17 +40,26 @@ pub(crate) struct Shift {
     /// Archives that could not be read, and files of casings that are not finished.
     pub(crate) left_out: Vec<String>,
     pub(crate) unfinished: Vec<String>,
+    /// Of which times casings are on the page; and how many archives are of other times, and which have none.
+    span: Span,
+    pub(crate) others: usize,
+    pub(crate) timeless: Vec<String>,
     scores: ScorePool,
     /// Whether anything has a score.
     is_scored: bool,
 }
 
 impl Shift {
+    /// One of casings of this `span`.
+    pub(crate) fn of(span: Span) -> Self {
+        Self { span, ..Self::default() }
+    }
+
     /// Collects what is not in `evidence` from its archive, behind `reader`.
     pub(crate) fn look_at(&mut self, reader: &Reader, evidence: &Evidence) -> Result<()> {
         let refusals = reader.refusals()?;
         for refusal in refusals {
-            *self.refusals.entry(refusal.reason).or_default() += 1;
+            *self.refusals.entry(without_file(&refusal.reason).to_owned()).or_default() += 1;
         }
         for (place, (name, text)) in page::made_by(evidence).into_iter().enumerate() {
             let texts = self.made_by.entry((place, name)).or_default();
@@ -74,6 +88,11 @@ impl Shift {
         }
     }
 
+    /// Whether it has no tyres.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.evidence.is_none()
+    }
+
     /// The page, called `title`, or named after the archive if that is empty; `None` if there is nothing to show.
     pub(crate) fn page(mut self, title: String, shift: Option<&str>) -> Result<Option<String>> {
         let Some(mut evidence) = self.evidence.take() else { return Ok(None) };
@@ -92,7 +111,7 @@ impl Shift {
 
 /// The page of `evidence`, which is that of all tyres of `of`.
 fn page(of: &Shift, evidence: &Evidence, shift: Option<&str>) -> Result<String> {
-    let Shift { names, left_out, unfinished, .. } = of;
+    let Shift { names, left_out, unfinished, timeless, .. } = of;
     let refusals = &page::frequent_first(of.refusals.clone());
     let score = of.is_scored.then(|| of.scores.score());
     let shift = shift.map(|name| format!("shift {name}"));
@@ -120,8 +139,11 @@ fn page(of: &Shift, evidence: &Evidence, shift: Option<&str>) -> Result<String> 
         header {
             p class="kind" { "tapline, report on a shift" }
             h1 { (name) }
+            (span(of))
+            (again(evidence))
             (page::notices(evidence, &named, refusals))
             (absent("could not be read and is left out", "could not be read and are left out", left_out))
+            (absent("has no tap with a time and is left out", "have no tap with a time and are left out", timeless))
             (absent("is not finished and is left out", "are not finished and are left out", unfinished))
             (rigs.notice())
             dl {
@@ -130,6 +152,8 @@ fn page(of: &Shift, evidence: &Evidence, shift: Option<&str>) -> Result<String> 
                     @for verdict in [Verdict::Reject, Verdict::ReInspect, Verdict::Pass] {
                         (evidence.tyres.iter().filter(|tyre| tyre.verdict() == verdict).count()) " " (verdict_word(verdict)) " \u{a0} "
                     }
+                    @let scans = scans(evidence);
+                    @if scans.contains(" of ") { "(" (scans) ")" }
                 }
                 (rows(&of.made_by))
                 (page::by_itself(evidence))
@@ -146,10 +170,59 @@ fn page(of: &Shift, evidence: &Evidence, shift: Option<&str>) -> Result<String> 
     };
     let paper = Paper {
         top_left: format!("Shift: {name}"),
-        top_right: counted(evidence.tyres.len(), "tyre", "tyres"),
+        top_right: scans(evidence),
         bottom_left: format!("tapped {}", page::when(taps())),
     };
     Ok(page::page(&format!("Shift {name}"), &paper, &body))
+}
+
+/// Which casings are on the page, if that depends on their time.
+fn span(of: &Shift) -> Markup {
+    let Shift { span, others, .. } = of;
+    html! {
+        @if let Some(words) = span.words() {
+            p {
+                strong { "Casings last tapped " (words) "." }
+                @if *others > 0 { " Left out: " (counted(*others, "archive", "archives")) " of other times." }
+            }
+        }
+    }
+}
+
+/// The serials that were scanned more than once, with their verdicts in the order of tapping: those that do not agree come first.
+fn again(evidence: &Evidence) -> Markup {
+    let mut scans: BTreeMap<&str, Vec<&Tyre>> = BTreeMap::new();
+    for tyre in &evidence.tyres {
+        scans.entry(tyre.serial.as_str()).or_default().push(tyre);
+    }
+    let mut again: Vec<_> = scans.into_iter().filter(|(_, tyres)| tyres.len() > 1).collect();
+    for (_, tyres) in &mut again {
+        tyres.sort_by_key(|tyre| last_ns(tyre));
+    }
+    again.sort_by_key(|(_, tyres)| tyres.iter().all(|tyre| tyre.verdict() == tyres[0].verdict()));
+    let verdicts = |tyres: &[&Tyre]| tyres.iter().map(|tyre| tyre.verdict().to_string()).collect::<Vec<_>>().join(", ");
+    let said = |(serial, tyres): &(&str, Vec<&Tyre>)| format!("{serial} ({})", verdicts(tyres));
+    let shown: Vec<String> = again.iter().take(AGAIN_MOST).map(said).collect();
+    html! {
+        @if !again.is_empty() {
+            div class="notice" role="note" { p {
+                strong { "Scanned more than once: " } (shown.join(", "))
+                @if again.len() > shown.len() { " and " (again.len() - shown.len()) " more" } "."
+            } }
+        }
+    }
+}
+
+/// How many scans the page has, and of how many casings, if these are fewer.
+fn scans(evidence: &Evidence) -> String {
+    let (count, one, several) =
+        (evidence.tyres.len(), body(evidence.geometry).to_lowercase(), bodies(evidence.geometry));
+    let serials: BTreeSet<&str> = evidence.tyres.iter().map(|tyre| tyre.serial.as_str()).collect();
+    let bodies = |count| counted(count, &one, several);
+    match serials.len() {
+        all if all == count => bodies(count),
+        fewer => format!("{} of {}", counted(count, "scan", "scans"), bodies(fewer)),
+    }
 }
 
 /// Names the `files` that are not on the page, if there are any.
@@ -186,7 +259,8 @@ fn rows(made_by: &BTreeMap<(usize, &'static str), BTreeMap<String, usize>>) -> M
 fn why(evidence: &Evidence) -> Markup {
     let mut counts: BTreeMap<&str, BTreeMap<u16, usize>> = BTreeMap::new();
     for shoulder in evidence.shoulders() {
-        for (reason, _) in against_pass(shoulder) {
+        let refused = shoulder.reasons.intersection(Reasons::TAPS_REFUSED);
+        for reason in names(against_pass(shoulder).union(refused)) {
             *counts.entry(reason).or_default().entry(shoulder.station).or_default() += 1;
         }
     }
@@ -214,10 +288,13 @@ fn why(evidence: &Evidence) -> Markup {
     }
 }
 
-/// The reasons for which `shoulder` did not pass, by name and meaning: no remarks.
-fn against_pass(shoulder: &Shoulder) -> Vec<(&'static str, Reasons)> {
-    let reasons = shoulder.reasons.difference(Reasons::REMARKS);
-    Reasons::ALL.iter().filter(|(flag, _)| reasons.contains(*flag)).map(|&(flag, name)| (name, flag)).collect()
+/// The reasons for which `shoulder` did not pass: no remarks, and nothing that merely follows from refused taps.
+fn against_pass(shoulder: &Shoulder) -> Reasons {
+    shoulder.reasons_told().difference(Reasons::REMARKS)
+}
+
+fn names<'a>(reasons: Reasons) -> impl Iterator<Item = &'a str> {
+    Reasons::ALL.iter().filter(move |(flag, _)| reasons.contains(*flag)).map(|&(_, name)| name)
 }
 
 fn overview(evidence: &Evidence, order: &[(&Tyre, &Option<String>)]) -> Markup {
@@ -236,12 +313,14 @@ fn overview(evidence: &Evidence, order: &[(&Tyre, &Option<String>)]) -> Markup {
                         span class="at" { (name.trim_end_matches(".html")) }
                     }
                 } @else { (tyre.serial) } }
-                td data-label="tapped" { (tapped_at(tyre)) }
+                td class="when" data-label="tapped" { (tapped_at(tyre)) }
                 td data-label="verdict" { (verdict_word(tyre.verdict())) }
                 td data-label={ "by " (side(geometry)) } { @for shoulder in &tyre.shoulders {
                     (shoulder.number) ": " (shoulder.verdict)
-                    @let why = against_pass(shoulder);
-                    @if !why.is_empty() { " (" (why.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ")) ")" }
+                    @let names = names(against_pass(shoulder)).collect::<Vec<_>>().join(", ");
+                    @let refused = shoulder.refused.iter().map(|refused| refused.text.clone());
+                    @let why = refused.chain(Some(names).filter(|names| !names.is_empty())).collect::<Vec<_>>();
+                    @if !why.is_empty() { " (" (why.join("; ")) ")" }
                     @if !shoulder.regions.is_empty() { ", " (places(shoulder.regions.iter().map(DamageArc::from))) } " " br;
                 } }
                 td class="n" data-label="regions" { (tyre.shoulders.iter().map(|shoulder| shoulder.regions.len()).sum::<usize>()) }
@@ -253,9 +332,15 @@ fn overview(evidence: &Evidence, order: &[(&Tyre, &Option<String>)]) -> Markup {
 }
 
 /// When `tyre` was tapped last; empty if that was not recorded.
-fn tapped_at(tyre: &Tyre) -> String {
-    let times_ns = tyre.taps().filter_map(|tap| tap.time_ns).filter(|&time_ns| time_ns != 0);
-    times_ns.max().map_or_else(String::new, moment)
+fn tapped_at(tyre: &Tyre) -> Markup {
+    let moment = last_ns(tyre).map_or_else(String::new, moment);
+    // In a narrow column the day stays whole.
+    let (day, time) = moment.split_once(' ').unwrap_or((&moment, ""));
+    html! { span { (day) } " " span { (time) } }
+}
+
+fn last_ns(tyre: &Tyre) -> Option<i64> {
+    tyre.taps().filter_map(|tap| tap.time_ns).filter(|&time_ns| time_ns != 0).max()
 }
 
 fn indices(evidence: &Evidence, order: &[(&Tyre, &Option<String>)]) -> Result<Markup> {

@@ -1,5 +1,7 @@
 //! Words for verdicts, reasons and what was tapped on the pages, as the shop floor uses them.
 
+use jiff::Timestamp;
+use jiff::tz::TimeZone;
 use tapline_wire::{Geometry, Reasons, Verdict};
 
 /// What the limits apply to, for the captions of curves of the index.
@@ -19,6 +21,14 @@ pub(crate) fn body(geometry: Geometry) -> &'static str {
     match geometry {
         Geometry::Ring => "Tyre",
         Geometry::Line => "Piece",
+    }
+}
+
+/// The same of several.
+pub(crate) fn bodies(geometry: Geometry) -> &'static str {
+    match geometry {
+        Geometry::Ring => "tyres",
+        Geometry::Line => "pieces",
     }
 }
 
@@ -46,21 +56,28 @@ pub(crate) fn verdict(verdict: Verdict) -> &'static str {
     }
 }
 
-/// The time `ns` after the Unix epoch, to the second.
+/// The local time `ns` after the Unix epoch, to the second, with its offset: of a file from elsewhere, or in the night in which clocks are set
+/// back, the time alone says too little.
 pub(crate) fn moment(ns: i64) -> String {
-    let seconds = ns.div_euclid(1_000_000_000);
-    let known = jiff::Timestamp::from_second(seconds).ok();
-    known.map_or_else(|| "unknown".to_owned(), |moment| moment.strftime("%Y-%m-%d %H:%M:%S UTC").to_string())
+    moment_in(ns, TimeZone::system())
+}
+
+fn moment_in(ns: i64, zone: TimeZone) -> String {
+    let known = Timestamp::from_second(ns.div_euclid(1_000_000_000)).map(|time| time.to_zoned(zone));
+    known.map_or_else(|_| "unknown".to_owned(), |time| time.strftime("%Y-%m-%d %H:%M:%S %:z").to_string())
 }
 
 #[cfg(test)]
 mod tests {
+    use jiff::tz::offset;
+
     use super::*;
 
     /// Catches a time that is off by a time zone or by its fraction.
     #[test]
-    fn moments_are_utc() {
-        assert_eq!(moment(1_767_225_600_000_000_000), "2026-01-01 00:00:00 UTC");
-        assert_eq!(moment(-1), "1969-12-31 23:59:59 UTC");
+    fn moments_have_their_offset() {
+        let [west, utc] = [-5, 0].map(|hours| TimeZone::fixed(offset(hours)));
+        assert_eq!(moment_in(1_767_225_600_000_000_000, west), "2025-12-31 19:00:00 -05:00");
+        assert_eq!(moment_in(-1, utc), "1969-12-31 23:59:59 +00:00");
     }
 }

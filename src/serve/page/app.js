@@ -7,10 +7,12 @@
   // A verdict stays on its station's light for so long, unless a casing comes; after that it is only in the list.
   const LIT_MS = 10 * 60 * 1000;
   const ALARM_NEW_MS = 10 * 60 * 1000;
+  // More of them would push the stations off the screen; the list below has all.
+  const BANNER_ALARMS = 5;
   const STATES = {
     pass: 'PASS', 're-inspect': 'RE-INSPECT', reject: 'REJECT',
     scanning: 'SCANNING', judging: 'JUDGING', idle: 'NO CASING', unknown: 'NO SIGNAL',
-    stopped: 'STOPPED', refused: 'REFUSED', held: 'WAITING',
+    stopped: 'STOPPED', refused: 'REFUSED', held: 'WAITING', done: 'DONE',
   };
   const VERDICTS_SHOWN = 16;
   // How a verdict was reached, for the report; people at the station need not act on it.
@@ -69,6 +71,8 @@
     } else if (['unknown', 'stopped', 'refused', 'held'].includes(state)) {
       svg.append(draw('rect', { x: 4, y: 4, width: 40, height: 40, fill: 'none', stroke: 'currentColor', 'stroke-width': 3, 'stroke-dasharray': '6 4' }));
       svg.append(draw('text', { x: 24, y: 35, 'text-anchor': 'middle', 'font-size': 32, 'font-weight': 800, fill: 'currentColor' }, state === 'unknown' ? '?' : '!'));
+    } else if (state === 'done') {
+      svg.append(draw('rect', { x: 5, y: 5, width: 38, height: 38, fill: 'none', stroke: 'currentColor', 'stroke-width': 6 }));
     } else if (state === 'idle') {
       svg.append(draw('path', { d: 'M8 24 L40 24', stroke: 'currentColor', 'stroke-width': 6 }));
     } else {
@@ -98,9 +102,13 @@
   // The reasons for which someone should look, in words.
   const meanings = JSON.parse(document.body.dataset.reasons);
   function reasonsOf(shoulder) {
-    const names = shoulder.reasons.split('|').filter((name) => name && !FOR_THE_REPORT.includes(name));
+    // Where taps were refused, why comes first, and what merely follows from that is left out.
+    const refused = shoulder.refused_taps;
+    const follows = refused ? refused.covers.split('|') : [];
+    const names = shoulder.reasons.split('|').filter((name) => name && !FOR_THE_REPORT.includes(name) && !follows.includes(name));
     const flags = Object.entries(shoulder.flags ?? {}).map(([flag, part]) => `${flag.replaceAll('_', ' ')} on ${Math.round(100 * part)} % of the taps`);
-    return names.map((name) => (name === 'flagged' && flags.length ? `${flags.join(', ')}.` : meanings[name] ?? name)).join(' ');
+    const words = names.map((name) => (name === 'flagged' && flags.length ? `${flags.join(', ')}.` : meanings[name] ?? name));
+    return [...(refused ? [`${refused.text}.`] : []), ...words].join(' ');
   }
   function placeOf(arc) {
     if (arc.start_deg === null || arc.end_deg === null) return `locations ${arc.first_location} to ${arc.last_location}`;
@@ -248,7 +256,9 @@
     const verdict = verdictOf(station);
     const isCurrent = verdict && last && !station.is_removed && isRecent(verdict.at_ns, LIT_MS);
     if (isCurrent) return { state: kindOf(verdict.verdict), casing: last, verdict };
-    return { state: 'idle' };
+    // A line that was started anew, or has shown the verdict for long enough, still knows that the casing is on the rig.
+    const name = station.waits_for?.match(/^another casing on the rig .*: (.+) is done$/)?.[1];
+    return name ? { state: 'done', name } : { state: 'idle' };
   }
   function verdictOf(station) {
     return status.verdicts.find((verdict) => verdict.station === station.number && verdict.casing === station.last?.name);
@@ -257,14 +267,15 @@
   function showStation(station) {
     if (!cards.has(station.number)) cards.set(station.number, card(station.number));
     const parts = cards.get(station.number);
-    const { state, casing, verdict } = stateOf(station);
+    const { state, casing, verdict, name } = stateOf(station);
+    const told = status.verdicts.find((of) => of.station === station.number && of.casing === name);
     set(parts.article, 'data-state', state);
-    set(parts.article, 'data-casing', casing ? casing.name : '');
+    set(parts.article, 'data-casing', casing?.name ?? name ?? '');
     keyed(parts.sign, state, () => [sign(state)]);
     put(parts.word, STATES[state]);
-    put(parts.casing, casing ? casing.name : '\u00a0');
+    put(parts.casing, casing?.name ?? name ?? '\u00a0');
     const settled = casing ? casing.archived + casing.refused : 0;
-    put(parts.note, verdict ? ago(verdict.at_ns) : casing ? `${settled} of ${casing.planned} taps` : '\u00a0');
+    put(parts.note, verdict ? ago(verdict.at_ns) : told ? `${told.verdict}, at ${moment(told.at_ns)}` : casing ? `${settled} of ${casing.planned} taps` : '\u00a0');
 
     // Without a new status the last picture stays, greyed.
     const shown = casing ?? (isLive ? null : station.casing ?? station.last);
@@ -283,14 +294,14 @@
     const { tally } = station;
     const open = station.casing ?? { refused: 0, retaken: 0 };
     const facts = [
-      ['So far: PASS', tally.verdicts.pass], ['RE-INSPECT', tally.verdicts.re_inspect], ['REJECT', tally.verdicts.reject],
+      [tally.since_ns ? `Since ${moment(tally.since_ns)}: PASS` : 'So far: PASS', tally.verdicts.pass], ['RE-INSPECT', tally.verdicts.re_inspect], ['REJECT', tally.verdicts.reject],
       ['taps refused', tally.refused + open.refused], ['missing', tally.missing], ['taken again', tally.retaken + open.retaken],
     ].filter(([, value], k) => k < 3 || value > 0);
     keyed(parts.facts, JSON.stringify(facts), () => facts.map(([name, value]) => make('div', {}, make('dt', {}, name), make('dd', {}, String(value)))));
     const waits = !isLive ? '' : state === 'refused' ? station.refused.text
       : station.waits_for && !station.waits_for.startsWith('nothing') ? `Waits for ${station.waits_for}` : '';
     put(parts.waits, waits);
-    const before = isLive && !verdict ? verdictOf(station) : undefined;
+    const before = isLive && !verdict && !told ? verdictOf(station) : undefined;
     keyed(parts.before, before ? before.casing + before.at_ns : '', () => (before ? ['Previous: ', sign(kindOf(before.verdict)), ` ${before.casing} ${before.verdict}, at ${moment(before.at_ns)}`] : []));
     const daysLeft = (Date.parse(station.calibration_ends) - status.at_ns / 1e6) / 86400e3 + 1;
     const due = station.is_calibration_out_of_date
@@ -335,14 +346,18 @@
       cell('Shoulders', 'shoulders', ...shouldersOf(verdict)), cell('Report', 'report', ...reportsOf(verdict)));
   }
 
+  // The alarms that are not over.
+  const lasting = () => status.alarms.filter(({ text }) => !text.startsWith('over: '));
+
   function showBanner() {
     const lines = [];
     if (!isLive) {
       lines.push(['lost', `✖ ${lostWhy} since ${lostSince.toLocaleTimeString()}. No verdict is known; everything below is old.`]);
     } else {
       status.troubles.forEach((trouble) => lines.push(['trouble', `▲ ${trouble}`]));
-      const alarm = status.alarms.find(({ text }) => !text.startsWith('over: '));
-      if (alarm && isRecent(alarm.at_ns, ALARM_NEW_MS)) lines.push(['alarm', `▲ Alarm, ${moment(alarm.at_ns)}: ${alarm.text}`]);
+      const recent = lasting().filter((alarm) => isRecent(alarm.at_ns, ALARM_NEW_MS));
+      recent.slice(0, BANNER_ALARMS).forEach((alarm) => lines.push(['alarm', `▲ Alarm, ${moment(alarm.at_ns)}: ${alarm.text}`]));
+      if (recent.length > BANNER_ALARMS) lines.push(['alarm', `and ${recent.length - BANNER_ALARMS} more`]);
     }
     keyed(byId('banner'), JSON.stringify(lines), () => lines.map(([kind, text]) => make('p', { class: kind }, text)));
   }
@@ -350,8 +365,9 @@
   function showAlarms() {
     const { alarms } = status;
     byId('alarms').hidden = alarms.length === 0;
-    byId('alarm-count').hidden = alarms.length === 0;
-    put(byId('alarm-count'), `▲ ${alarms.length} ${alarms.length === 1 ? 'alarm' : 'alarms'}`);
+    const count = lasting().length;
+    byId('alarm-count').hidden = count === 0;
+    put(byId('alarm-count'), `▲ ${count} ${count === 1 ? 'alarm' : 'alarms'}`);
     const items = alarms.map((alarm) => [`${new Date(alarm.at_ns / 1e6).toLocaleString()}: ${alarm.text}`, isRecent(alarm.at_ns, ALARM_NEW_MS)]);
     keyed(byId('alarm-list'), JSON.stringify(items), () => items.map(([text, isNew]) => make('li', { class: isNew ? 'new' : '' }, `▲ ${text}`)));
   }

@@ -87,7 +87,7 @@ flags! {
         SUSPECT = 1, "suspect":
             "The strongest arc of at least one region lies between the re-inspect limit and the reject limit.";
         NOT_ENDED = 2, "not_ended": "The scan did not end: the results cover only the taps so far.";
-        TAPS_REFUSED = 3, "taps_refused": "Taps were refused: they have no usable record.";
+        TAPS_REFUSED = 3, "taps_refused": "Planned taps were never made, or have no usable record.";
         TAPS_MISSING = 4, "taps_missing": "Planned taps are missing without a reason.";
         LOCATION_BLIND = 5, "location_blind":
             "At least one location has no usable value, or part of the ring was not tapped: damage there would not show.";
