@@ -162,7 +162,7 @@ fn say_how_it_ended(outcome: &LineOutcome) {
 #[cfg(feature = "serve")]
 fn show_on_page(args: &LineArgs, printed: &ReportConfig) -> Result<(Option<ShowStatus>, Option<String>)> {
     let Some(address) = args.serve else { return Ok((None, None)) };
-    let server = crate::serve::Server::start(address, args.serve_token_file.as_deref(), &printed.angles())?;
+    let server = crate::serve::Server::start(address, args.serve_token_file.as_deref(), printed)?;
     let address = server.url();
     Ok((Some(Box::new(move |status| server.show(status))), Some(address)))
 }

@@ -42,6 +42,7 @@ use tokio::sync::{Semaphore, watch};
 use tokio_stream::StreamExt as _;
 use tokio_stream::wrappers::WatchStream;
 
+use crate::config::report::ReportConfig;
 use crate::serve::access::{Access, Login};
 use crate::serve::reports::Wanted;
 use crate::shown::status::Status;
@@ -100,9 +101,9 @@ struct App {
 }
 
 impl Server {
-    /// Listens at `address`, for those who have the token in `token_file`, or on the loopback for everyone. `angles` says how
-    /// angles on a casing are counted.
-    pub(crate) fn start(address: SocketAddr, token_file: Option<&Path>, angles: &str) -> Result<Self> {
+    /// Listens at `address`, for those who have the token in `token_file`, or on the loopback for everyone. `printed` names
+    /// the line, and says how angles on a casing are counted.
+    pub(crate) fn start(address: SocketAddr, token_file: Option<&Path>, printed: &ReportConfig) -> Result<Self> {
         let access = Arc::new(Access::new(address, token_file)?);
         let listener = listen(address).with_context(|| format!("--serve: cannot listen at {address}"))?;
         let url = format!("http://{}", listener.local_addr().context("--serve")?);
@@ -117,8 +118,9 @@ impl Server {
         let meanings: BTreeMap<&str, String> = Reasons::ALL.iter().map(|&(of, name)| (name, of.meaning())).collect();
         let meanings = serde_json::to_string(&meanings).context("--serve")?;
         let page = include_str!("page/index.html")
-            .replace("{angles}", &html! { (angles) }.into_string())
+            .replace("{angles}", &html! { (printed.angles()) }.into_string())
             .replace("{reasons}", &html! { (meanings) }.into_string())
+            .replace("{place}", &html! { (printed.place()) }.into_string())
             .into();
         let (reports, is_room_asked) = (Arc::new(Semaphore::new(1)), Arc::default());
         let app = App { page, statuses, access, followers, reports, is_room_asked };

@@ -72,13 +72,16 @@ fn a_browser_shows_each_verdict_and_where_the_crack_is() {
     let sandbox = Sandbox::new();
     let Some(mut browser) = Browser::start(&sandbox) else { return };
     tap_sets(&sandbox);
-    sandbox.write("plant.toml", &format!("[acquire]\ntaps_per_s = 25\n{ROOM}{INBOX}"));
+    let printed = "[report]\nplant = \"North & <Co>\"\nline = \"2\"\n";
+    sandbox.write("plant.toml", &format!("{printed}[acquire]\ntaps_per_s = 25\n{ROOM}{INBOX}"));
     let mut line = Running::start(&sandbox, "line --config plant.toml --out out --json --serve 127.0.0.1:0");
     let address = address_of(&mut line);
     until("the inbox is made", || sandbox.path("inbox/failed").is_dir());
     browser.open(&format!("http://{address}/"));
     let state = "document.getElementById('station-1')?.dataset.state";
     until("there is no casing", || browser.value(state) == "idle");
+    let heads = browser.value("[document.title, document.getElementById('title').innerText].join('; ')");
+    assert_eq!(heads, "North & <Co>, line 2; North & <Co>, line 2");
     // The page itself records when what it shows has changed.
     browser.value(
         "window.seen = [];

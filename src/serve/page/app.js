@@ -401,7 +401,7 @@
     put(byId('link-text'), isLive ? 'live' : 'no signal');
     showBanner();
     if (!status) return;
-    const name = status.out.split('/').filter(Boolean).pop() ?? 'Line';
+    const name = byId('title').dataset.place || (status.out.split('/').filter(Boolean).pop() ?? 'Line');
     put(byId('title'), name);
     document.title = isLive ? name : `No signal: ${name}`;
     showNumbers();
