@@ -125,11 +125,16 @@ fn cut(text: &str, rows: usize, columns: usize) -> String {
 
 /// When the line showed its last status, if that is too long ago.
 fn held_up_since(status: &Status) -> Option<String> {
-    (now_ns().saturating_sub(status.at_ns) > STANDS_AFTER_NS).then(|| moment(status.at_ns))
+    let is_old = now_ns().saturating_sub(status.at_ns) > STANDS_AFTER_NS;
+    // While it ends, it waits for what is under way, and shows nothing new.
+    (is_old && !status.is_ending).then(|| moment(status.at_ns))
 }
 
 /// How the line as a whole is.
 fn write_line(text: &mut String, status: &Status) -> fmt::Result {
+    if let Some(since) = held_up_since(status) {
+        writeln!(text, "TROUBLE nothing from the line since {since}: what follows is old")?;
+    }
     let Status { out, pid, taps_per_s, .. } = status;
     let closed = counted(status.closed_count as usize, "casing", "casings");
     writeln!(text, "Line on {} (process {pid}): {taps_per_s:.1} taps/s, {closed} closed", out.display())?;
@@ -139,9 +144,6 @@ fn write_line(text: &mut String, status: &Status) -> fmt::Result {
     if status.lost_count > 0 {
         let lost = counted(status.lost_count as usize, "record was", "records were");
         writeln!(text, "{lost} lost in transit; the taps are taken again.")?;
-    }
-    if let Some(since) = held_up_since(status) {
-        writeln!(text, "TROUBLE nothing from the line since {since}: what follows is old")?;
     }
     Ok(())
 }

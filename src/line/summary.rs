@@ -194,7 +194,7 @@ fn add(sum: &mut Sum, job: &Job, name: &str, reader: &Reader) -> Result<()> {
         let set = sum.references.of(reader)?;
         sum.scores.add(Fusion::by(&job.config.fuse, reader.plan(), set)?, &records)?;
     }
-    let shoulders = ShoulderVerdict::all(reader)?;
+    let shoulders = ShoulderVerdict::all(reader, false)?;
     let station = shoulders.first().map_or(0, |shoulder| shoulder.station);
     let of_each = shoulders.iter().map(|shoulder| (Reasons::named(&shoulder.reasons), &shoulder.whole));
     sum.over.extend(sum.rigs.add(station, name, of_each).into_iter().filter(|sign| sign.is_over));

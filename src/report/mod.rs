@@ -83,7 +83,11 @@ pub(crate) fn report(args: &ReportArgs) -> Result<bool> {
         && shift.is_empty()
     {
         let count = counted(shift.others, "archive", "archives");
-        bail!("no casing was last tapped {words}: {count} of other times, {} without a time", shift.timeless.len());
+        bail!(
+            "no casing was last tapped {words}: {count} of other times, {} without a time, {} that cannot be read",
+            shift.timeless.len(),
+            shift.left_out.len()
+        );
     }
     // Last, because it links to the others.
     let title = if archives.is_many { title_of(&args.archives) } else { String::new() };

@@ -8,9 +8,6 @@ use tapline_host::messages::counted;
 use tapline_store::Reader;
 use tapline_wire::{Reasons, Scan, TapState};
 
-/// What follows by itself where taps are refused.
-const FOLLOWS: Reasons = Reasons::LOCATION_BLIND.union(Reasons::NO_INDEX).union(Reasons::FEATURES_ABSENT);
-
 /// The refused taps of a shoulder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct RefusedTaps {
@@ -21,9 +18,10 @@ pub(crate) struct RefusedTaps {
 }
 
 impl RefusedTaps {
-    /// Those of `scan`; `None` if there are none.
-    pub(crate) fn of(reader: &Reader, scan: &Scan) -> Result<Option<Self>> {
+    /// Those of `scan`, whose other taps lack `absent_count` discriminators; `None` if there are none.
+    pub(crate) fn of(reader: &Reader, scan: &Scan, absent_count: u32) -> Result<Option<Self>> {
         let (states, planned) = (reader.ledger().taps(), reader.plan().taps());
+        let tap_count = scan.taps.len();
         let mut reasons: BTreeMap<String, usize> = BTreeMap::new();
         let mut places: BTreeMap<(u32, Option<u64>), [usize; 2]> = BTreeMap::new();
         for &row in &scan.taps {
@@ -39,14 +37,22 @@ impl RefusedTaps {
         }
         let count: usize = reasons.values().sum();
         let Some((reason, of_reason)) = reasons.iter().max_by_key(|&(_, count)| count) else { return Ok(None) };
-        let planned = counted(scan.taps.len(), "planned tap was", "planned taps were");
+        let planned = counted(tap_count, "planned tap was", "planned taps were");
         let mut text = format!("{count} of {planned} refused: {reason}");
         if *of_reason < count {
             text.push_str(&format!(" ({of_reason} of them)"));
         }
-        // A few refused taps leave no place empty: then the other reasons have another cause.
+        // What other causes may have as well is still said: a sensor that is dead in taps that came, and a reference without limits.
         let is_gap = places.values().any(|[refused, planned]| 2 * refused > *planned);
-        let covers = Reasons::TAPS_REFUSED.union(if is_gap { FOLLOWS } else { Reasons::default() });
+        let is_heard = 4 * (absent_count as usize) < tap_count - count;
+        let is_most = 2 * count > tap_count;
+        let follows = [
+            (true, Reasons::TAPS_REFUSED),
+            (is_gap, Reasons::LOCATION_BLIND),
+            (is_most || is_gap && is_heard, Reasons::FEATURES_ABSENT),
+            (is_most, Reasons::NO_INDEX),
+        ];
+        let covers = follows.into_iter().filter(|(is_so, _)| *is_so).fold(Reasons::default(), |all, (_, of)| all | of);
         Ok(Some(Self { text, covers: covers.to_string() }))
     }
 

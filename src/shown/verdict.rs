@@ -113,11 +113,7 @@ impl CasingVerdict {
     /// The verdict in the file of the casing `name` with this `number`, which was finished at `at_ns`.
     pub(crate) fn read(name: &str, number: u64, at_ns: i64, reader: &Reader) -> Result<Self> {
         let (plan, ledger) = (reader.plan(), reader.ledger());
-        let mut shoulders = ShoulderVerdict::all(reader)?;
-        for (shoulder, scan) in shoulders.iter_mut().zip(plan.scans()) {
-            // Words for people: a verdict does not wait for them.
-            shoulder.refused_taps = RefusedTaps::of(reader, scan).unwrap_or_default();
-        }
+        let shoulders = ShoulderVerdict::all(reader, true)?;
         let worst = shoulders.iter().map(|s| s.verdict).max().unwrap_or(Verdict::ReInspect);
         Ok(Self {
             kind: "verdict".to_owned(),
@@ -180,14 +176,19 @@ impl CasingVerdict {
 }
 
 impl ShoulderVerdict {
-    /// The verdict on each shoulder of a casing: RE-INSPECT until it is judged.
-    pub(crate) fn all(reader: &Reader) -> Result<Vec<Self>> {
+    /// The verdict on each shoulder of a casing: RE-INSPECT until it is judged. If `says_why`, also why taps of it were refused.
+    pub(crate) fn all(reader: &Reader, says_why: bool) -> Result<Vec<Self>> {
         let unjudged =
             |number| (Judgement { reasons: reader.verdict(number, None).1, ..Judgement::default() }, Vec::new());
         let scans = reader.plan().scans().iter().zip(reader.judgements()?).enumerate();
-        scans
-            .map(|(number, (scan, judged))| Self::new(reader, scan, &judged.unwrap_or_else(|| unjudged(number))))
-            .collect()
+        let verdict = |(number, (scan, judged)): (usize, (&Scan, Option<Judged>))| {
+            let judged = judged.unwrap_or_else(|| unjudged(number));
+            // Words for people: a verdict does not fail for them.
+            let refused = || RefusedTaps::of(reader, scan, judged.0.absent_count).unwrap_or_default();
+            let refused_taps = if says_why { refused() } else { None };
+            Ok(Self { refused_taps, ..Self::new(reader, scan, &judged)? })
+        };
+        scans.map(verdict).collect()
     }
 
     pub(crate) fn new(reader: &Reader, scan: &Scan, (judgement, cells): &Judged) -> Result<Self> {

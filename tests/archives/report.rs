@@ -165,10 +165,9 @@ fn a_shift_says_what_differs_and_what_it_lacks() {
 #[test]
 fn taps_that_never_came_are_the_reason() {
     let sandbox = Sandbox::new();
-    let scan = SHORT.replace("repetitions = 1", "repetitions = 3");
     sandbox.write(
         "scan.toml",
-        &format!("{scan}[[scan.tyre]]\nserial = \"A\"\ncrack = []\n[fuse]\nreference = \"self\"\n"),
+        &format!("{SHORT}[[scan.tyre]]\nserial = \"A\"\ncrack = []\n[fuse]\nreference = \"self\"\n"),
     );
     sandbox.run("run --config scan.toml --out made").expect(0);
     let again = |taps: &str, alter: &dyn Fn(usize, &Path)| {
@@ -213,6 +212,17 @@ fn taps_that_never_came_are_the_reason() {
     let cause = format!("2: RE-INSPECT (1 of {count} planned taps were refused: the file does not exist; ");
     assert!(shift.contains(&cause), "{shift}");
     assert!(shift.contains("<code>features_absent</code>"), "{shift}");
+    // A few neighbours lack, and nothing else.
+    let (shift, reasons, _) = again("few", &|k, file| {
+        if k < 5 {
+            fs::remove_file(file).unwrap()
+        }
+    });
+    assert!(
+        shift.contains(&format!("2: RE-INSPECT (5 of {count} planned taps were refused: the file does not exist)")),
+        "{shift}"
+    );
+    assert!(reasons.contains("features_absent") && !shift.contains("<code>features_absent</code>"), "{reasons}");
 }
 
 /// Catches a casing that was rejected and whose other scan, which passed, is far below it; casings of another shift; a limit that is taken

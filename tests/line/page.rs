@@ -252,10 +252,11 @@ fn the_page_says_what_lasts() {
         "stations": [
             station(1, "another casing on the rig \"a: b\" at 127.0.0.1:7: K-9 is done", Some(at_ns)),
             station(2, "nothing: its list is done", None),
+            station(3, "another casing on the rig \"r\" at 127.0.0.1:8: K-8 was refused", None),
         ],
     }));
     browser.open(&format!("http://{address}/"));
-    until("it is shown", || browser.value("document.querySelectorAll('.station').length") == 2);
+    until("it is shown", || browser.value("document.querySelectorAll('.station').length") == 3);
     let mut text =
         |of: &str| browser.value(&format!("document.querySelector('{of}').innerText")).as_str().unwrap().to_owned();
     assert_eq!(text("#alarm-count"), "▲ 8 alarms");
@@ -266,6 +267,8 @@ fn the_page_says_what_lasts() {
     assert!(lines[1] == "DONE" && lines[2] == "K-9" && lines[3].starts_with("RE-INSPECT, at "), "{lines:?}");
     assert!(first.contains("Since ") && !first.contains("So far") && !first.contains("Previous"), "{first}");
     assert!(second.contains("NO CASING") && second.contains("So far: PASS"), "{second}");
+    let third = text("#station-3");
+    assert!(third.contains("REFUSED") && third.contains("K-8 was refused"), "{third}");
     let row = text("#verdict-list .shoulders");
     assert_eq!(row.trim(), "1: RE-INSPECT, 3 of 4 planned taps were refused: it was taken away. level_off");
 }

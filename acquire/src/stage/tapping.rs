@@ -14,6 +14,9 @@ use crate::{Casing, Readiness};
 /// that none can be used.
 const ASK_EVERY: Duration = Duration::from_secs(1);
 
+/// When it is asked again, although it has not answered: an answer may be lost.
+const ASK_AGAIN: Duration = Duration::from_secs(10);
+
 /// A casing that is being tapped.
 #[derive(Debug)]
 pub(crate) struct Tapping {
@@ -155,15 +158,13 @@ impl Tapping {
         None
     }
 
-    /// Asks for the ledger in the middle of a scan, if answers are due and the last question was answered: by a barrier, for which
-    /// nothing waits.
+    /// Asks for the ledger in the middle of a scan, if answers are due: by a barrier, for which nothing waits.
     fn ask(&mut self, outlet: &Outlet<'_>) -> Result<(), LineError> {
-        let is_due = self.is_taking() && !self.unanswered.is_empty() && self.asked_at.elapsed() >= ASK_EVERY;
+        let is_answered = self.ledger.barrier == self.barrier;
+        let pause = if is_answered { ASK_EVERY } else { ASK_AGAIN };
+        let is_due = self.is_taking() && !self.unanswered.is_empty() && self.asked_at.elapsed() >= pause;
         let barrier = self.barrier.wrapping_add(1);
-        if is_due
-            && self.ledger.barrier == self.barrier
-            && outlet.try_mark(self.number, RecordKind::Barrier, barrier.into())?
-        {
+        if is_due && outlet.try_mark(self.number, RecordKind::Barrier, barrier.into())? {
             (self.barrier, self.asked_at) = (barrier, Instant::now());
         }
         Ok(())

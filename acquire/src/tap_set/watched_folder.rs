@@ -37,6 +37,9 @@ const LOCK_PAUSE: Duration = Duration::from_millis(20);
 /// Time between two looks at a set that is not whole. If nothing has changed between them, nobody is writing it.
 const LOOK_AGAIN: Duration = Duration::from_secs(1);
 
+/// The same for one that has not changed for minutes.
+const LOOK_AT_LEAST: Duration = Duration::from_secs(30);
+
 /// How long a set may be incomplete without a change until people are told.
 const TOLD_AFTER: Duration = Duration::from_secs(60);
 
@@ -57,6 +60,10 @@ pub struct FolderArrivals {
     stuck: BTreeSet<OsString>,
     /// Sets that were not whole when they were looked at last.
     half: BTreeMap<OsString, HalfSet>,
+    /// The alarm that some of them stay incomplete.
+    half_alarm: Option<String>,
+    /// The alarm that sets were put aside before.
+    failed_alarm: Option<String>,
     /// Files that are in the folder itself and so in no set.
     loose_count: usize,
     /// Sets that may not be read; they are tried again.
@@ -72,19 +79,20 @@ pub struct FolderArrivals {
 struct HalfSet {
     /// What is waited for, for people.
     waits_for: String,
+    /// What it lacks, for people; `None` if it is complete, or cannot be read.
+    lacks: Option<String>,
     /// Bytes of its files.
     bytes: u64,
     looked_at: Instant,
     /// Since when they are no more.
     since: Instant,
-    /// The alarm that it stays incomplete.
-    alarm: Option<String>,
 }
 
 impl HalfSet {
-    /// The end of its alarm, if there is one.
-    fn over(self) -> Option<(RecordKind, String)> {
-        self.alarm.map(|text| (RecordKind::Alarm, format!("{OVER}{text}")))
+    /// Whether it is time for another look: seldom at a set that has not changed for long, whose many files take time.
+    fn is_due(&self) -> bool {
+        let pause = (self.since.elapsed() / 10).clamp(LOOK_AGAIN, LOOK_AT_LEAST);
+        self.looked_at.elapsed() >= pause
     }
 }
 
@@ -146,10 +154,11 @@ impl FolderArrivals {
             tracing::warn!("station {station}: the folder {} did not exist; it is made", folder.display());
         }
         let mut messages = Vec::new();
-        // The alarms that told of them ended with the line before this one.
-        if let Some(text) = failed_before(&folder.join(FAILED)) {
+        // The line before this one, or the process, has taken its alarms with it.
+        let failed_alarm = failed_before(&folder.join(FAILED));
+        if let Some(text) = &failed_alarm {
             tracing::warn!("station {station}: {text}");
-            messages.push((RecordKind::Alarm, text));
+            messages.push((RecordKind::Alarm, text.clone()));
         }
         Ok(Self {
             folder: folder.to_owned(),
@@ -158,6 +167,8 @@ impl FolderArrivals {
             sets: Vec::new(),
             stuck: BTreeSet::new(),
             half: BTreeMap::new(),
+            half_alarm: None,
+            failed_alarm,
             loose_count: 0,
             unreadable: BTreeSet::new(),
             fault: None,
@@ -271,32 +282,59 @@ impl FolderArrivals {
         (self.fault, self.loose_count) = (None, loose_count);
         self.stuck.retain(|name| names.contains(name));
         self.unreadable.retain(|name| names.contains(name));
-        let gone = self.half.extract_if(.., |name, _| !names.contains(name));
-        self.messages.extend(gone.filter_map(|(_, half)| half.over()));
+        self.half.retain(|name, _| names.contains(name));
+        let mut ready = None;
         for name in names {
             let is_taken = self.stuck.contains(&name) || self.sets.iter().any(|set| set.folder_name == name);
-            if is_taken || self.half.get(&name).is_some_and(|half| half.looked_at.elapsed() < LOOK_AGAIN) {
-                continue;
+            // One that waits is looked at also where another is ready.
+            let is_due = self.half.get(&name).map_or(ready.is_none(), HalfSet::is_due);
+            if !is_taken && is_due && self.is_whole(&name) && ready.is_none() {
+                ready = Some(name);
             }
-            let dir = self.folder.join(&name);
-            if !self.is_whole(&name, &dir) {
-                continue;
-            }
-            match listed_tap_set(&dir, 1) {
-                Ok(list) => self.sets.push(OpenSet::new(name, &dir, list)),
-                Err(error) => self.fail(&name, &error.to_string()),
-            }
-            return true;
         }
-        false
+        self.tell_what_stays();
+        let Some(name) = ready else { return false };
+        let dir = self.folder.join(&name);
+        match listed_tap_set(&dir, 1) {
+            Ok(list) => self.sets.push(OpenSet::new(name, &dir, list)),
+            Err(error) => self.fail(&name, &error.to_string()),
+        }
+        true
     }
 
-    /// Whether the set `name` in `dir` is complete, and nobody writes it: one that was incomplete before has not changed since.
-    fn is_whole(&mut self, name: &OsStr, dir: &Path) -> bool {
-        let before = self.half.remove(name);
-        let (bytes, waits_for, lacks) = match content_of(dir) {
+    /// Raises one alarm of the sets that have been incomplete for long, and ends it when these are others; ends that of sets that were put
+    /// aside when somebody has taken them away.
+    fn tell_what_stays(&mut self) {
+        let is_long = |half: &&HalfSet| half.since.elapsed() >= TOLD_AFTER;
+        let mut long =
+            self.half.iter().filter_map(|(name, half)| Some((name, Some(half).filter(is_long)?.lacks.as_ref()?)));
+        let text = long.next().map(|(name, lacks)| {
+            let others = match long.count() {
+                0 => String::new(),
+                1 => "; another set waits too".to_owned(),
+                count => format!("; {count} other sets wait too"),
+            };
+            format!("tap set {} is not judged: it waits for {lacks}{others}", name.display())
+        });
+        if text != self.half_alarm {
+            if let Some(text) = &text {
+                tracing::warn!("station {}: {text}", self.station);
+            }
+            let over = self.half_alarm.take().map(|begun| format!("{OVER}{begun}"));
+            self.messages.extend(over.into_iter().chain(text.clone()).map(|text| (RecordKind::Alarm, text)));
+            self.half_alarm = text;
+        }
+        if self.failed_alarm.is_some() && failed_before(&self.folder.join(FAILED)).is_none() {
+            let over = self.failed_alarm.take().map(|begun| (RecordKind::Alarm, format!("{OVER}{begun}")));
+            self.messages.extend(over);
+        }
+    }
+
+    /// Whether the set `name` is complete, and nobody writes it: one that was incomplete before has not changed since.
+    fn is_whole(&mut self, name: &OsStr) -> bool {
+        let (dir, before) = (self.folder.join(name), self.half.remove(name));
+        let (bytes, waits_for, lacks) = match content_of(&dir) {
             Ok(Content { bytes, lacks: None }) if before.as_ref().is_none_or(|half| half.bytes == bytes) => {
-                self.messages.extend(before.and_then(HalfSet::over));
                 return true;
             }
             Ok(Content { bytes, lacks: None }) => {
@@ -313,23 +351,8 @@ impl FolderArrivals {
             }
         };
         let now = Instant::now();
-        let mut half = match before {
-            Some(half) if half.bytes == bytes => HalfSet { waits_for, looked_at: now, ..half },
-            before => {
-                self.messages.extend(before.and_then(HalfSet::over));
-                HalfSet { waits_for, bytes, looked_at: now, since: now, alarm: None }
-            }
-        };
-        if let Some(lacks) = lacks
-            && half.alarm.is_none()
-            && now.duration_since(half.since) >= TOLD_AFTER
-        {
-            let text = format!("tap set {} is not judged: it waits for {lacks}", name.display());
-            tracing::warn!("station {}: {text}", self.station);
-            self.messages.push((RecordKind::Alarm, text.clone()));
-            half.alarm = Some(text);
-        }
-        self.half.insert(name.to_owned(), half);
+        let since = before.filter(|half| half.bytes == bytes).map_or(now, |half| half.since);
+        self.half.insert(name.to_owned(), HalfSet { waits_for, lacks, bytes, looked_at: now, since });
         false
     }
 }

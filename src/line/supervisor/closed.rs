@@ -156,9 +156,9 @@ impl Supervisor<'_> {
 
     /// Raises an alarm if the casing `name`, which is begun at `station`, was rejected today: another one may have its serial.
     pub(super) fn watch_serial(&mut self, station: u16, name: &str) {
-        let path = Places::new(&self.shown.out, true).finished(name);
-        let before = path.and_then(Finished::at).and_then(|finished| earlier(&finished).ok());
-        let Some(before) = before.filter(|before| before.verdict == Verdict::Reject) else { return };
+        let files = Places::new(&self.shown.out, true).finished_here(name);
+        let mut before = files.filter_map(Finished::at).filter_map(|finished| earlier(&finished).ok());
+        let Some(before) = before.find(|before| before.verdict == Verdict::Reject) else { return };
         let text = format!(
             "station {station}: {name} was judged REJECT at station {} today: is this the same casing?",
             before.station

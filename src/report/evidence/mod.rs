@@ -245,7 +245,7 @@ fn shoulder(
         station: scan.station,
         verdict,
         reasons,
-        refused: RefusedTaps::of(reader, scan)?,
+        refused: RefusedTaps::of(reader, scan, judgement.absent_count)?,
         rates: known(judgement.re_inspect_rate).zip(known(judgement.reject_rate)).map(Into::into),
         limits: limits.map(|(re_inspect, reject)| Limits { re_inspect, reject }),
         strongest_arc: known(judgement.strongest_arc),

@@ -257,8 +257,8 @@
     const isCurrent = verdict && last && !station.is_removed && isRecent(verdict.at_ns, LIT_MS);
     if (isCurrent) return { state: kindOf(verdict.verdict), casing: last, verdict };
     // A line that was started anew, or has shown the verdict for long enough, still knows that the casing is on the rig.
-    const name = station.waits_for?.match(/^another casing on the rig .*: (.+) is done$/)?.[1];
-    return name ? { state: 'done', name } : { state: 'idle' };
+    const [, name, end] = station.waits_for?.match(/^another casing on the rig .*: (.+) (is done|was refused)$/) ?? [];
+    return !name ? { state: 'idle' } : end === 'is done' ? { state: 'done', name } : { state: 'refused' };
   }
   function verdictOf(station) {
     return status.verdicts.find((verdict) => verdict.station === station.number && verdict.casing === station.last?.name);
@@ -298,7 +298,7 @@
       ['taps refused', tally.refused + open.refused], ['missing', tally.missing], ['taken again', tally.retaken + open.retaken],
     ].filter(([, value], k) => k < 3 || value > 0);
     keyed(parts.facts, JSON.stringify(facts), () => facts.map(([name, value]) => make('div', {}, make('dt', {}, name), make('dd', {}, String(value)))));
-    const waits = !isLive ? '' : state === 'refused' ? station.refused.text
+    const waits = !isLive ? '' : state === 'refused' ? (station.refused?.text ?? station.waits_for)
       : station.waits_for && !station.waits_for.startsWith('nothing') ? `Waits for ${station.waits_for}` : '';
     put(parts.waits, waits);
     const before = isLive && !verdict && !told ? verdictOf(station) : undefined;

@@ -85,6 +85,12 @@ impl Places {
         path.exists().then_some(path)
     }
 
+    /// All finished files of the casing `name` in the present folder, the oldest first.
+    pub fn finished_here(&self, name: &str) -> impl Iterator<Item = PathBuf> + use<> {
+        let (folder, stem) = (self.folder(), escaped(name));
+        (1_u32..).map(move |k| file_of(&folder, &stem, k)).take_while(|path| path.exists())
+    }
+
     /// The unfinished file of the casing `name`; `None` if there is none.
     pub fn under_way(&self, name: &str) -> Option<PathBuf> {
         let is_of = |path: &PathBuf| path.file_stem().is_some_and(|stem| name_of_open(&stem.to_string_lossy()) == name);
