@@ -39,7 +39,7 @@ struct Origin<'a> {
 #[serde(default)]
 struct Run {
     report: Printed,
-    fuse: Fused,
+    fuse: ComparedWith,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -53,7 +53,7 @@ struct Printed {
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-struct Fused {
+struct ComparedWith {
     reference: Option<String>,
 }
 
