@@ -4,27 +4,27 @@ use std::time::Duration;
 
 use anyhow::Result;
 use tapline_bench::{Row, Sheet, Spread};
-use tapline_lab::hop::{RecordSize, Run, Transport, is_consumer, run};
+use tapline_lab::hop::{Carrier, RecordSize, Run, is_consumer, run};
 
 const ROUNDS: usize = 7;
 /// Sizes of a record. A tap of 50 ms has 8 KiB, one of 0.4 s has 64 KiB.
 const SIZES_KIB: [usize; 5] = [4, 8, 64, 256, 1024];
-const TRANSPORTS: &[Transport] = &[
-    Transport::Topic,
-    Transport::Socket,
-    Transport::Pipe,
+const CARRIERS: &[Carrier] = &[
+    Carrier::Topic,
+    Carrier::Socket,
+    Carrier::Pipe,
     #[cfg(feature = "zeromq")]
-    Transport::ZeroMq,
+    Carrier::ZeroMq,
 ];
 /// Records of a paced run, and how many of them per second.
 const PACED: (u64, u32) = (1000, 500);
 /// Records of 64 KiB of an unpaced run; smaller ones are more, larger ones fewer.
 const FAST: u64 = 4000;
 
-/// All runs of one transport and size.
+/// All runs of one carrier and size.
 struct Case {
     kib: usize,
-    transport: Transport,
+    carrier: Carrier,
     paced: Vec<Run>,
     fast: Vec<Run>,
 }
@@ -33,8 +33,7 @@ fn main() -> Result<()> {
     if is_consumer()? {
         return Ok(());
     }
-    let of_size =
-        |kib| TRANSPORTS.iter().map(move |&transport| Case { kib, transport, paced: Vec::new(), fast: Vec::new() });
+    let of_size = |kib| CARRIERS.iter().map(move |&carrier| Case { kib, carrier, paced: Vec::new(), fast: Vec::new() });
     let mut cases: Vec<Case> = SIZES_KIB.into_iter().flat_map(of_size).collect();
     let period = Duration::from_secs(1) / PACED.1;
     let [small, .., large] = SIZES_KIB.map(|kib| kib * 1024);
@@ -43,10 +42,10 @@ fn main() -> Result<()> {
         for case in &mut cases {
             let count = (FAST * 64 / case.kib as u64).clamp(FAST / 16, 4 * FAST);
             let size = RecordSize::whole(case.kib * 1024);
-            case.paced.push(run(case.transport, size, PACED.0, Some(period))?);
-            case.fast.push(run(case.transport, size, count, None)?);
+            case.paced.push(run(case.carrier, size, PACED.0, Some(period))?);
+            case.fast.push(run(case.carrier, size, count, None)?);
         }
-        untouched.push(run(Transport::Topic, RecordSize { bytes: large, used: small }, PACED.0, Some(period))?);
+        untouched.push(run(Carrier::Topic, RecordSize { bytes: large, used: small }, PACED.0, Some(period))?);
     }
     Sheet {
         title: "The hop".to_owned(),
@@ -76,19 +75,19 @@ fn of(runs: &[Run], value: fn(&Run) -> f64) -> Vec<f64> {
 
 /// The rows of the page; `untouched` are runs with the largest record, of which only the smallest size is used.
 fn rows(cases: &[Case], untouched: &[Run]) -> Vec<Row> {
-    let case = |kib, transport| cases.iter().find(|case| case.kib == kib && case.transport == transport);
+    let case = |kib, carrier| cases.iter().find(|case| case.kib == kib && case.carrier == carrier);
     let mut rows = Vec::new();
     for kib in SIZES_KIB {
-        let Some(ours) = case(kib, Transport::Topic) else { continue };
+        let Some(ours) = case(kib, Carrier::Topic) else { continue };
         let compared = |row: Row, runs: fn(&Case) -> &[Run], value: fn(&Run) -> f64| {
-            TRANSPORTS[1..].iter().filter_map(|&transport| Some((transport, case(kib, transport)?))).fold(
+            CARRIERS[1..].iter().filter_map(|&carrier| Some((carrier, case(kib, carrier)?))).fold(
                 row,
-                |row, (transport, theirs)| {
+                |row, (carrier, theirs)| {
                     let ratio = Spread::of_ratio(&of(runs(ours), value), &of(runs(theirs), value));
                     row.beside(
-                        &format!("of that over {}", name(transport)),
+                        &format!("of that over {}", name(carrier)),
                         ratio,
-                        if transport == Transport::Socket { "<= 1" } else { "" },
+                        if carrier == Carrier::Socket { "<= 1" } else { "" },
                     )
                 },
             )
@@ -100,8 +99,7 @@ fn rows(cases: &[Case], untouched: &[Run]) -> Vec<Row> {
         ] {
             let mut row = Row::new(format!("{kib} KiB: {what}"), "us", &of(&ours.paced, value));
             row = compared(row, |case| &case.paced, value);
-            if let (true, Some(small)) = (what.ends_with("median") && kib == 1024, case(SIZES_KIB[0], Transport::Topic))
-            {
+            if let (true, Some(small)) = (what.ends_with("median") && kib == 1024, case(SIZES_KIB[0], Carrier::Topic)) {
                 let ratio = Spread::of_ratio(&of(&ours.paced, value), &of(&small.paced, value));
                 row = row.beside("of that of 4 KiB", ratio, "<= 1.5");
             }
@@ -114,7 +112,7 @@ fn rows(cases: &[Case], untouched: &[Run]) -> Vec<Row> {
         );
         rows.push(compared(row, |case| &case.fast, |run| run.elapsed_us));
     }
-    if let Some(small) = case(SIZES_KIB[0], Transport::Topic) {
+    if let Some(small) = case(SIZES_KIB[0], Carrier::Topic) {
         let ours = of(untouched, |run| run.p50_us);
         let ratio = Spread::of_ratio(&ours, &of(&small.paced, |run| run.p50_us));
         let what = "1024 KiB, of which 4 KiB are filled and read: latency at 500 records/s, median";
@@ -123,10 +121,10 @@ fn rows(cases: &[Case], untouched: &[Run]) -> Vec<Row> {
     rows
 }
 
-fn name(transport: Transport) -> &'static str {
-    match transport {
-        Transport::Socket => "a Unix socket",
-        Transport::Pipe => "a pipe",
-        transport => transport.name(),
+fn name(carrier: Carrier) -> &'static str {
+    match carrier {
+        Carrier::Socket => "a Unix socket",
+        Carrier::Pipe => "a pipe",
+        carrier => carrier.name(),
     }
 }

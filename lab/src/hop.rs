@@ -25,7 +25,7 @@ const STARTED: &str = "started\n";
 
 /// How records travel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Transport {
+pub enum Carrier {
     /// Through shared memory, as on a line.
     Topic,
     /// Through a Unix socket to each consumer.
@@ -37,7 +37,7 @@ pub enum Transport {
     ZeroMq,
 }
 
-impl Transport {
+impl Carrier {
     /// The ways in the atlas.
     pub const ALL: [Self; 3] = [Self::Topic, Self::Socket, Self::Pipe];
 
@@ -84,21 +84,21 @@ pub struct Run {
     pub p99_us: f64,
 }
 
-/// Sends `count` records of `size` over `transport`, one per `period` or as fast as they are read.
+/// Sends `count` records of `size` over `carrier`, one per `period` or as fast as they are read.
 ///
 /// # Errors
 /// A record that does not arrive whole and in order, or an error of the system.
-pub fn run(transport: Transport, size: RecordSize, count: u64, period: Option<Duration>) -> Result<Run> {
+pub fn run(carrier: Carrier, size: RecordSize, count: u64, period: Option<Duration>) -> Result<Run> {
     let bytes = size.bytes;
-    ensure!(transport == Transport::Topic || size.used == bytes, "{} only carries whole records", transport.name());
-    let (cpu_ns, begun_ns, reports) = match transport {
-        Transport::Topic => over_topic(size, count, period)?,
-        Transport::Socket | Transport::Pipe => over_stream(transport, bytes, count, period)?,
+    ensure!(carrier == Carrier::Topic || size.used == bytes, "{} only carries whole records", carrier.name());
+    let (cpu_ns, begun_ns, reports) = match carrier {
+        Carrier::Topic => over_topic(size, count, period)?,
+        Carrier::Socket | Carrier::Pipe => over_stream(carrier, bytes, count, period)?,
         #[cfg(feature = "zeromq")]
-        Transport::ZeroMq => over_zeromq(bytes, count, period)?,
+        Carrier::ZeroMq => over_zeromq(bytes, count, period)?,
     };
     for report in &reports {
-        ensure!(report.count == count && report.bad == 0, "{}: {report:?} of {count} records", transport.name());
+        ensure!(report.count == count && report.bad == 0, "{}: {report:?} of {count} records", carrier.name());
     }
     let [a, b] = reports;
     let last_ns = if a.last_ns > b.last_ns { a.last_ns } else { b.last_ns };
@@ -183,15 +183,15 @@ fn over_topic(size: RecordSize, count: u64, period: Option<Duration>) -> Result<
 }
 
 fn over_stream(
-    transport: Transport,
+    carrier: Carrier,
     bytes: usize,
     count: u64,
     period: Option<Duration>,
 ) -> Result<(u64, i64, [Report; 2])> {
     let (mut ends, mut consumers) = (Vec::new(), Vec::new());
     for _ in 0..2 {
-        let (ours, theirs): (OwnedFd, OwnedFd) = match transport {
-            Transport::Socket => UnixStream::pair().map(|(a, b)| (a.into(), b.into()))?,
+        let (ours, theirs): (OwnedFd, OwnedFd) = match carrier {
+            Carrier::Socket => UnixStream::pair().map(|(a, b)| (a.into(), b.into()))?,
             _ => io::pipe().map(|(reader, writer)| (writer.into(), reader.into()))?,
         };
         ends.push(File::from(ours));

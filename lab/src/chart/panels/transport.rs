@@ -8,7 +8,7 @@ use crate::chart::Bench;
 use crate::chart::front::Tolerance;
 use crate::chart::panel::{Facet, Panel, Quantity};
 use crate::chart::point::{Cost, Error, Point};
-use crate::hop::{RecordSize, Run, Transport, run};
+use crate::hop::{Carrier, RecordSize, Run, run};
 
 /// Sizes of a record. A tap of 0.4 s has 64 KiB, one of 0.05 s 8 KiB.
 const SIZES_KIB: [usize; 5] = [4, 16, 64, 256, 1024];
@@ -19,15 +19,14 @@ pub(super) fn measure(bench: &Bench) -> Result<Panel> {
     let size = &bench.size;
     // A short chart leaves out every second size.
     let sizes = SIZES_KIB.into_iter().step_by(if size.is_full { 1 } else { 2 });
-    let cases: Vec<(usize, Transport)> =
-        sizes.flat_map(|kib| Transport::ALL.map(|transport| (kib, transport))).collect();
+    let cases: Vec<(usize, Carrier)> = sizes.flat_map(|kib| Carrier::ALL.map(|carrier| (kib, carrier))).collect();
     let (mut fast, mut paced) = (vec![Vec::new(); cases.len()], vec![Vec::new(); cases.len()]);
     let period = Duration::from_secs(1) / PACE_PER_S;
     for _ in 0..size.hop_rounds {
-        for (place, &(kib, transport)) in cases.iter().enumerate() {
+        for (place, &(kib, carrier)) in cases.iter().enumerate() {
             let count = (size.hops * 64 / kib as u64).clamp(size.hops / 16, 4 * size.hops);
-            fast[place].push(run(transport, RecordSize::whole(kib * 1024), count, None)?);
-            paced[place].push(run(transport, RecordSize::whole(kib * 1024), size.paced, Some(period))?);
+            fast[place].push(run(carrier, RecordSize::whole(kib * 1024), count, None)?);
+            paced[place].push(run(carrier, RecordSize::whole(kib * 1024), size.paced, Some(period))?);
         }
     }
     let elapsed: fn(&Run) -> f64 = |run| run.elapsed_us;
@@ -42,7 +41,7 @@ pub(super) fn measure(bench: &Bench) -> Result<Panel> {
         tolerance: Tolerance { cost: 0.25, error: 20.0 },
         truth: "every record arrives whole and in order, or the run fails".to_owned(),
         seeds: vec![bench.seed],
-        families: Transport::ALL.map(Transport::name).to_vec(),
+        families: Carrier::ALL.map(Carrier::name).to_vec(),
         points: cases.iter().zip(runs).map(|(&case, runs)| point(case, runs, time_us)).collect(),
         ..bench.facet(name, title)
     });
@@ -60,15 +59,15 @@ pub(super) fn measure(bench: &Bench) -> Result<Panel> {
     ))
 }
 
-/// The point of records of `kib` that are sent over `transport`.
-fn point((kib, transport): (usize, Transport), runs: &[Run], time_us: fn(&Run) -> f64) -> Point {
+/// The point of records of `kib` that are sent over `carrier`.
+fn point((kib, carrier): (usize, Carrier), runs: &[Run], time_us: fn(&Run) -> f64) -> Point {
     let of = |value: fn(&Run) -> f64| runs.iter().map(value).collect::<Vec<f64>>();
     let n = runs.iter().map(|run| run.count as usize).sum();
     let size = if kib < 1024 { format!("{kib} KiB") } else { "1 MiB".to_owned() };
     let cost = Cost::of(&of(|run| run.cpu_us));
-    Point::new(format!("{}, {size}", transport.name()), size, cost, Error::mean_of(of(time_us)), n)
-        .family(transport as usize)
+    Point::new(format!("{}, {size}", carrier.name()), size, cost, Error::mean_of(of(time_us)), n)
+        .family(carrier as usize)
         .group(kib)
-        .default_if(transport == Transport::Topic)
+        .default_if(carrier == Carrier::Topic)
         .remark(format!("median latency {:.0} us", Cost::of(&of(|run| run.p50_us)).median))
 }
