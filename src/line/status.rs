@@ -227,4 +227,15 @@ mod tests {
             assert!(cut(text, rows, columns).ends_with("... and 5 lines more\n"));
         }
     }
+
+    /// Catches a line that hangs and looks well, and one that ends, or has just shown itself, and is said to hang.
+    #[test]
+    fn a_line_is_held_up_if_it_shows_nothing() {
+        let is_held_up = |age_ns: i64, is_ending| {
+            let status = Status { at_ns: now_ns() - age_ns, is_ending, ..Status::default() };
+            held_up_since(&status).is_some()
+        };
+        assert!(is_held_up(2 * STANDS_AFTER_NS, false));
+        assert!(!is_held_up(2 * STANDS_AFTER_NS, true) && !is_held_up(0, false));
+    }
 }

@@ -132,9 +132,9 @@ impl CasingVerdict {
 
     /// The same as JSON, which `docs/verdict.schema.json` describes.
     pub(crate) fn json(&self) -> String {
-        let mut told = self.clone();
-        told.shoulders.iter_mut().for_each(|shoulder| shoulder.refused_taps = None);
-        serde_json::to_string(&told).unwrap_or_default() // all keys are text, and a line refuses a folder whose name is not
+        let mut verdict = self.clone();
+        verdict.shoulders.iter_mut().for_each(|shoulder| shoulder.refused_taps = None);
+        serde_json::to_string(&verdict).unwrap_or_default() // all keys are text, and a line refuses a folder whose name is not
     }
 
     /// Prints it: a short or full line for each shoulder, or one line of JSON for all.

@@ -153,7 +153,7 @@ fn a_browser_shows_each_verdict_and_where_the_crack_is() {
 }
 
 /// Catches a casing whose taps never came and that is explained, to those who look at the line, by what follows from this; programs that
-/// are not told every reason, or more than the schema has; and counts since a start that nobody knows.
+/// do not get every reason, or more than the schema has; and counts since a start that nobody knows.
 #[test]
 fn who_looks_at_the_line_learns_why_taps_lack() {
     let sandbox = Sandbox::new();
@@ -166,11 +166,11 @@ fn who_looks_at_the_line_learns_why_taps_lack() {
     until("the inbox is made", || sandbox.path("inbox/failed").is_dir());
     fs::rename(sandbox.path("sets/B"), sandbox.path("inbox/B")).unwrap();
     let verdict = line.verdict();
-    let told = verdict["shoulders"][1].as_object().unwrap();
+    let sent = verdict["shoulders"][1].as_object().unwrap();
     for reason in ["taps_refused", "location_blind", "no_index", "features_absent"] {
-        assert!(told["reasons"].as_str().unwrap().contains(reason), "{told:?}");
+        assert!(sent["reasons"].as_str().unwrap().contains(reason), "{sent:?}");
     }
-    assert!(!told.contains_key("refused_taps"), "{told:?}");
+    assert!(!sent.contains_key("refused_taps"), "{sent:?}");
     until("the verdict is shown", || sandbox.run("status --out out").out.contains("Last verdicts"));
     let count = second.len();
     let cause =

@@ -203,7 +203,7 @@ impl TappedByHand {
     }
 
     /// The serial in the file of serials, if it was written since this casing began, and is another than its own. A text that is no
-    /// serial is told to people once, and ends nothing: nobody meant to begin a casing of that name.
+    /// serial is one alarm, and ends nothing: nobody wanted to begin a casing of that name.
     fn next_serial(&mut self) -> Option<String> {
         let (at, file) = self.serial.as_ref()?;
         let now = written(file).filter(|&now| Some(now) != *at)?;

@@ -160,14 +160,17 @@ impl Tapping {
 
     /// Asks for the ledger in the middle of a scan, if answers are due: by a barrier, for which nothing waits.
     fn ask(&mut self, outlet: &Outlet<'_>) -> Result<(), LineError> {
-        let is_answered = self.ledger.barrier == self.barrier;
-        let pause = if is_answered { ASK_EVERY } else { ASK_AGAIN };
-        let is_due = self.is_taking() && !self.unanswered.is_empty() && self.asked_at.elapsed() >= pause;
         let barrier = self.barrier.wrapping_add(1);
-        if is_due && outlet.try_mark(self.number, RecordKind::Barrier, barrier.into())? {
+        if self.must_ask() && outlet.try_mark(self.number, RecordKind::Barrier, barrier.into())? {
             (self.barrier, self.asked_at) = (barrier, Instant::now());
         }
         Ok(())
+    }
+
+    fn must_ask(&self) -> bool {
+        let is_answered = self.ledger.barrier == self.barrier;
+        let pause = if is_answered { ASK_EVERY } else { ASK_AGAIN };
+        self.is_taking() && !self.unanswered.is_empty() && self.asked_at.elapsed() >= pause
     }
 
     /// Does what can be done now: one tap at most. Sets `is_source_awaited` if the source is not ready.
@@ -348,5 +351,24 @@ mod tests {
         assert_eq!(answers(&mut tapping, &ledger), []);
         ledger.set_tap(0, TapState::Missing, 2);
         assert_eq!(answers(&mut tapping, &ledger), [Answer::StillAgain]);
+    }
+
+    /// Catches a question at every step, one where nothing is unanswered, and one whose answer was lost and that is never asked again.
+    #[test]
+    fn the_archive_is_asked_now_and_then() {
+        let taps = SimulatedLine::new(&ScanConfig::default(), &SimulationConfig::default()).unwrap();
+        let ledger = Ledger::empty(taps.plan().taps().len(), taps.plan().scans().len());
+        let mut tapping = Tapping::new(7, Casing { name: "A".to_owned(), taps: Box::new(taps) }, ledger);
+        let must_ask_after = |tapping: &mut Tapping, pause: Duration| {
+            tapping.asked_at = Instant::now().checked_sub(pause).unwrap();
+            tapping.must_ask()
+        };
+        assert!(!must_ask_after(&mut tapping, ASK_AGAIN), "nothing was sent");
+        tapping.unanswered.push_back((0, 0));
+        assert!(!must_ask_after(&mut tapping, Duration::ZERO));
+        assert!(must_ask_after(&mut tapping, ASK_EVERY));
+        tapping.barrier = tapping.barrier.wrapping_add(1);
+        assert!(!must_ask_after(&mut tapping, ASK_EVERY), "the answer is on its way");
+        assert!(must_ask_after(&mut tapping, ASK_AGAIN));
     }
 }

@@ -1,11 +1,11 @@
-//! When people are told that the records of a station's taps cannot be used.
+//! The alarm that the records of a station's taps cannot be used.
 //!
 //! The archive asks for such taps again. One record may be bad by chance, and a place may give a bad one each time; several places in
 //! a row show that a sensor is dead.
 
 use tapline_wire::OVER;
 
-/// Places in a row with an unusable record at which people are told.
+/// Places in a row with an unusable record that raise it.
 const IN_A_ROW: u32 = 5;
 
 /// What the archive made of a tap that could still be taken again.
@@ -23,7 +23,7 @@ pub(crate) enum Answer {
 #[derive(Debug, Default)]
 pub(crate) struct Unusable {
     in_a_row: u32,
-    is_told: bool,
+    is_raised: bool,
 }
 
 impl Unusable {
@@ -33,12 +33,12 @@ impl Unusable {
             Answer::StillAgain => None,
             Answer::FirstAgain => {
                 self.in_a_row = self.in_a_row.saturating_add(1);
-                let is_due = self.in_a_row >= IN_A_ROW && !std::mem::replace(&mut self.is_told, true);
+                let is_due = self.in_a_row >= IN_A_ROW && !std::mem::replace(&mut self.is_raised, true);
                 is_due.then(alarm)
             }
             Answer::Kept => {
                 self.in_a_row = 0;
-                std::mem::take(&mut self.is_told).then(|| format!("{OVER}{}", alarm()))
+                std::mem::take(&mut self.is_raised).then(|| format!("{OVER}{}", alarm()))
             }
         }
     }
@@ -67,7 +67,7 @@ mod tests {
         answers.enumerate().filter_map(|(at, answer)| Some((at, unusable.note(answer)?))).collect()
     }
 
-    /// Catches a dead microphone that nobody is told of, an alarm for each tap, one that is never over or over twice, one of a bad tap
+    /// Catches a dead microphone without an alarm, an alarm for each tap, one that is never over or over twice, one of a bad tap
     /// now and then, and one of the places of a casing that are bad each time.
     #[test]
     fn a_dead_sensor_is_one_alarm() {

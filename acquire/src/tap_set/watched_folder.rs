@@ -40,8 +40,8 @@ const LOOK_AGAIN: Duration = Duration::from_secs(1);
 /// The same for one that has not changed for minutes.
 const LOOK_AT_LEAST: Duration = Duration::from_secs(30);
 
-/// How long a set may be incomplete without a change until people are told.
-const TOLD_AFTER: Duration = Duration::from_secs(60);
+/// How long a set may be incomplete without a change until it is an alarm.
+const ALARM_AFTER: Duration = Duration::from_secs(60);
 
 /// Largest number of sets of one name in one folder.
 const SAME_NAME_MAX: u32 = 100_000;
@@ -292,7 +292,7 @@ impl FolderArrivals {
                 ready = Some(name);
             }
         }
-        self.tell_what_stays();
+        self.watch_what_stays();
         let Some(name) = ready else { return false };
         let dir = self.folder.join(&name);
         match listed_tap_set(&dir, 1) {
@@ -304,8 +304,8 @@ impl FolderArrivals {
 
     /// Raises one alarm of the sets that have been incomplete for long, and ends it when these are others; ends that of sets that were put
     /// aside when somebody has taken them away.
-    fn tell_what_stays(&mut self) {
-        let is_long = |half: &&HalfSet| half.since.elapsed() >= TOLD_AFTER;
+    fn watch_what_stays(&mut self) {
+        let is_long = |half: &&HalfSet| half.since.elapsed() >= ALARM_AFTER;
         let mut long =
             self.half.iter().filter_map(|(name, half)| Some((name, Some(half).filter(is_long)?.lacks.as_ref()?)));
         let text = long.next().map(|(name, lacks)| {

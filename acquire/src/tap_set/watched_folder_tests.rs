@@ -257,11 +257,11 @@ fn a_set_that_stays_incomplete_is_an_alarm() {
     assert_eq!(look(&mut folder, Duration::ZERO), (None, vec![]));
     let alarm = |text: &str| (RecordKind::Alarm, text.to_owned());
     let both = "tap set a is not judged: it waits for B.wav; another set waits too";
-    assert_eq!(look(&mut folder, TOLD_AFTER), (None, vec![alarm(both)]));
-    assert_eq!(look(&mut folder, TOLD_AFTER), (None, vec![]));
+    assert_eq!(look(&mut folder, ALARM_AFTER), (None, vec![alarm(both)]));
+    assert_eq!(look(&mut folder, ALARM_AFTER), (None, vec![]));
     fs::rename(dir.path().join("inbox/a"), dir.path().join("a")).unwrap();
     let last = "tap set b is not judged: it waits for \\u{1b}[31m\\nX.wav";
-    assert_eq!(look(&mut folder, TOLD_AFTER), (None, vec![alarm(&format!("{OVER}{both}")), alarm(last)]));
+    assert_eq!(look(&mut folder, ALARM_AFTER), (None, vec![alarm(&format!("{OVER}{both}")), alarm(last)]));
     fs::remove_dir_all(dir.path().join("inbox/b")).unwrap();
     fs::rename(dir.path().join("a"), dir.path().join("inbox/a")).unwrap();
     assert_eq!(look(&mut folder, Duration::ZERO), (None, vec![alarm(&format!("{OVER}{last}"))]));

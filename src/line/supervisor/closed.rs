@@ -182,14 +182,14 @@ impl Supervisor<'_> {
     fn watch_signals(&mut self, verdict: &CasingVerdict) {
         let flags = verdict.shoulders.iter().flat_map(|of| of.whole.flags.keys());
         let now = flags.fold(Quality::default(), |all, flag| all | Quality::named(flag));
-        let (before, begun) = self.flagged.remove(&verdict.station).unwrap_or_default();
+        let (before, begun) = self.flagged.get(&verdict.station).cloned().unwrap_or_default();
         if now == before {
-            self.flagged.insert(verdict.station, (before, begun));
             return;
         }
         if !before.is_empty() {
             self.alarm(format!("{OVER}{begun}"));
         }
+        self.flagged.remove(&verdict.station);
         if !now.is_empty() {
             let meaning = now.iter().map(Quality::meaning).collect::<Vec<_>>().join("; ");
             let CasingVerdict { station, casing, .. } = verdict;

@@ -310,7 +310,7 @@ impl Tyre {
 
 impl Shoulder {
     /// Its reasons without those that merely follow from taps that were refused, which [`Shoulder::refused`] explains.
-    pub(crate) fn reasons_told(&self) -> Reasons {
+    pub(crate) fn reasons_left(&self) -> Reasons {
         let follows = self.refused.as_ref().map_or_else(Reasons::default, |refused| Reasons::named(&refused.covers));
         self.reasons.difference(follows)
     }

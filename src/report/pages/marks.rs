@@ -28,7 +28,7 @@ pub(crate) fn verdicts(geometry: Geometry, tyre: &Tyre) -> Markup {
                 td data-label="verdict" { (verdict_word(shoulder.verdict)) }
                 td data-label="why" {
                     @if let Some(refused) = &shoulder.refused { (refused.text) ". " }
-                    (words::reasons(geometry, shoulder.reasons_told().difference(common))) " "
+                    (words::reasons(geometry, shoulder.reasons_left().difference(common))) " "
                     @for (what, detail) in details(shoulder) { (what) ": " (detail) ". " }
                     (rests_on(shoulder))
                 }

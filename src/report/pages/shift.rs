@@ -290,7 +290,7 @@ fn why(evidence: &Evidence) -> Markup {
 
 /// The reasons for which `shoulder` did not pass: no remarks, and nothing that merely follows from refused taps.
 fn against_pass(shoulder: &Shoulder) -> Reasons {
-    shoulder.reasons_told().difference(Reasons::REMARKS)
+    shoulder.reasons_left().difference(Reasons::REMARKS)
 }
 
 fn names<'a>(reasons: Reasons) -> impl Iterator<Item = &'a str> {

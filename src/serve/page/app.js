@@ -268,14 +268,14 @@
     if (!cards.has(station.number)) cards.set(station.number, card(station.number));
     const parts = cards.get(station.number);
     const { state, casing, verdict, name } = stateOf(station);
-    const told = status.verdicts.find((of) => of.station === station.number && of.casing === name);
+    const earlier = status.verdicts.find((of) => of.station === station.number && of.casing === name);
     set(parts.article, 'data-state', state);
     set(parts.article, 'data-casing', casing?.name ?? name ?? '');
     keyed(parts.sign, state, () => [sign(state)]);
     put(parts.word, STATES[state]);
     put(parts.casing, casing?.name ?? name ?? '\u00a0');
     const settled = casing ? casing.archived + casing.refused : 0;
-    put(parts.note, verdict ? ago(verdict.at_ns) : told ? `${told.verdict}, at ${moment(told.at_ns)}` : casing ? `${settled} of ${casing.planned} taps` : '\u00a0');
+    put(parts.note, verdict ? ago(verdict.at_ns) : earlier ? `${earlier.verdict}, at ${moment(earlier.at_ns)}` : casing ? `${settled} of ${casing.planned} taps` : '\u00a0');
 
     // Without a new status the last picture stays, greyed.
     const shown = casing ?? (isLive ? null : station.casing ?? station.last);
@@ -301,7 +301,7 @@
     const waits = !isLive ? '' : state === 'refused' ? (station.refused?.text ?? station.waits_for)
       : station.waits_for && !station.waits_for.startsWith('nothing') ? `Waits for ${station.waits_for}` : '';
     put(parts.waits, waits);
-    const before = isLive && !verdict && !told ? verdictOf(station) : undefined;
+    const before = isLive && !verdict && !earlier ? verdictOf(station) : undefined;
     keyed(parts.before, before ? before.casing + before.at_ns : '', () => (before ? ['Previous: ', sign(kindOf(before.verdict)), ` ${before.casing} ${before.verdict}, at ${moment(before.at_ns)}`] : []));
     const daysLeft = (Date.parse(station.calibration_ends) - status.at_ns / 1e6) / 86400e3 + 1;
     const due = station.is_calibration_out_of_date

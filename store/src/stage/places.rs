@@ -81,14 +81,12 @@ impl Places {
 
     /// The finished file of the casing `name` in the present folder; `None` if there is none.
     pub fn finished(&self, name: &str) -> Option<PathBuf> {
-        let path = self.folder().join(format!("{}.{ENDING}", escaped(name)));
-        path.exists().then_some(path)
+        self.finished_here(name).next()
     }
 
     /// All finished files of the casing `name` in the present folder, the oldest first.
     pub fn finished_here(&self, name: &str) -> impl Iterator<Item = PathBuf> + use<> {
-        let (folder, stem) = (self.folder(), escaped(name));
-        (1_u32..).map(move |k| file_of(&folder, &stem, k)).take_while(|path| path.exists())
+        there_of(self.folder(), escaped(name))
     }
 
     /// The unfinished file of the casing `name`; `None` if there is none.
@@ -105,11 +103,7 @@ impl Places {
             let days = fs::read_dir(&self.out).into_iter().flatten().flatten();
             folders.extend(days.map(|day| day.path()).filter(|day| day.is_dir()));
         }
-        let mut files = Vec::new();
-        for folder in folders {
-            files.extend((1_u32..).map(|k| file_of(&folder, &stem, k)).take_while(|path| path.exists()));
-        }
-        files
+        folders.into_iter().flat_map(|folder| there_of(folder, stem.clone())).collect()
     }
 
     /// The path for the finished file of the casing `name`, which no file has.
@@ -137,6 +131,11 @@ impl Places {
         let now = Timestamp::from_nanosecond(now_ns().into()).unwrap_or_default();
         self.out.join(now.to_zoned(TimeZone::system()).date().to_string())
     }
+}
+
+/// The files of a casing that are in `folder`, the oldest first.
+fn there_of(folder: PathBuf, stem: String) -> impl Iterator<Item = PathBuf> {
+    (1_u32..).map(move |k| file_of(&folder, &stem, k)).take_while(|path| path.exists())
 }
 
 fn file_of(folder: &Path, stem: &str, k: u32) -> PathBuf {

@@ -32,6 +32,13 @@ fn strike(rig: &mut ByHand, play: impl FnOnce()) {
     rig.say("hit 1.85\n");
 }
 
+/// The rig hits, and nothing is heard from frame `from` on: the tap is made again.
+fn miss(bench: &Bench, cable: &Cable, rig: &mut ByHand, casing: &mut Casing, from: u64) {
+    strike(rig, || cable.play([Step::Frames(frames(from..from + 2000, &[]))]));
+    bench.until_told(casing, 0, "move 1 0 0 5");
+    assert_eq!(rig.hear(), "move 1 0 0 5");
+}
+
 #[test]
 fn a_tap_in_a_gap_is_made_again() {
     // Catches a tap of which half was lost and that is taken, or given up.
@@ -152,9 +159,7 @@ fn an_unheard_hit_uses_up_no_try() {
     cable.play([Step::Frames(frames(0..1000, &[]))]);
     rig.is_homed(&bench, &mut casing, 0, "homed\n");
     for from in [1000, 3000] {
-        strike(&mut rig, || cable.play([Step::Frames(frames(from..from + 2000, &[]))]));
-        bench.until_told(&mut casing, 0, "move 1 0 0 5");
-        assert_eq!(rig.hear(), "move 1 0 0 5");
+        miss(&bench, &cable, &mut rig, &mut casing, from);
     }
     rig.say("error no air\n");
     rig.stream.set_read_timeout(Some(Duration::from_millis(50))).unwrap();
@@ -174,26 +179,22 @@ fn unheard_hits_are_one_alarm_until_one_is_heard() {
     cable.play([Step::Frames(frames(0..1000, &[]))]);
     rig.is_homed(&bench, &mut casing, 0, "homed\n");
     for from in [1000, 3000] {
-        strike(&mut rig, || cable.play([Step::Frames(frames(from..from + 2000, &[]))]));
-        bench.until_told(&mut casing, 0, "move 1 0 0 5");
-        assert_eq!(rig.hear(), "move 1 0 0 5");
+        miss(&bench, &cable, &mut rig, &mut casing, from);
     }
     // On a busy machine the rig of the test may take a second.
     let unheard = |bench: &mut Bench| -> Vec<String> {
         bench.alarms().into_iter().filter(|alarm| alarm.contains(UNHEARD)).collect()
     };
-    let told = unheard(&mut bench);
-    assert!(told.len() == 1 && told[0].starts_with(UNHEARD), "{told:?}");
+    let begun = unheard(&mut bench);
+    assert!(begun.len() == 1 && begun[0].starts_with(UNHEARD), "{begun:?}");
     rig.say("removed\nerror it was taken away\ncasing U\n");
     assert_eq!(rig.hear(), "scan U 7");
     let mut casing = bench.casing();
     bench.until_told(&mut casing, 0, "move 1 0 0 5");
     assert_eq!(rig.hear(), "move 1 0 0 5");
-    strike(&mut rig, || cable.play([Step::Frames(frames(5000..7000, &[]))]));
-    bench.until_told(&mut casing, 0, "move 1 0 0 5");
-    assert_eq!(rig.hear(), "move 1 0 0 5");
+    miss(&bench, &cable, &mut rig, &mut casing, 5000);
     assert_eq!(unheard(&mut bench), [""; 0]);
     strike(&mut rig, || cable.play([Step::Frames(frames(7000..9000, &[8000]))]));
     assert_eq!(bench.poll(&mut casing, 0), Readiness::Ready);
-    assert_eq!(unheard(&mut bench), [format!("{OVER}{}", told[0])]);
+    assert_eq!(unheard(&mut bench), [format!("{OVER}{}", begun[0])]);
 }
