@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::io::{Read as _, Write as _};
+use std::io::{self, Read as _, Write as _};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::process::Command;
@@ -58,11 +58,12 @@ fn send(address: &str, request: &str) -> Answer {
     Answer { code, head: head.to_owned(), body: body.to_owned() }
 }
 
-/// Follows the line at `address`, and takes nothing.
-fn follow(address: &str) -> TcpStream {
-    let mut stream = TcpStream::connect(address).unwrap();
-    write!(stream, "GET /events HTTP/1.1\r\nHost: {address}\r\n\r\n").unwrap();
-    stream
+/// Follows the line at `address`, and takes nothing. Fails where the line has closed the connection already.
+fn follow(address: &str) -> io::Result<TcpStream> {
+    let mut stream = TcpStream::connect(address)?;
+    stream.set_read_timeout(Some(PATIENCE))?;
+    stream.write_all(format!("GET /events HTTP/1.1\r\nHost: {address}\r\n\r\n").as_bytes())?;
+    Ok(stream)
 }
 
 /// Catches a page that shows a verdict late, elsewhere than where the crack is, not in words, or still when the line has gone;
@@ -281,19 +282,22 @@ fn pages_that_take_nothing_change_nothing() {
     let mut line =
         Running::start(&sandbox, "line --config plant.toml --out watched --json --casings 4 --serve 127.0.0.1:0");
     let address = address_of(&mut line);
-    let frozen: Vec<TcpStream> = (0..40).map(|_| follow(&address)).collect();
+    let frozen: Vec<TcpStream> = (0..40).map(|_| follow(&address).unwrap()).collect();
     // Some ask for nothing at all; of one machine the line serves 48.
     let silent: Vec<TcpStream> = (0..7).map(|_| TcpStream::connect(&address).unwrap()).collect();
     until("there are too many", || ask(&address, "/events", "").code == 503);
-    let last = follow(&address);
-    until("no more are served", || {
-        let mut more = follow(&address);
-        more.set_read_timeout(Some(PATIENCE)).unwrap();
-        matches!(more.read(&mut [0]), Ok(0) | Err(_))
+    let mut more = Vec::new();
+    until("no more are served", || match follow(&address) {
+        Ok(mut stream) => {
+            let is_closed = matches!(stream.read(&mut [0]), Ok(0) | Err(_));
+            more.push(stream);
+            is_closed
+        }
+        Err(_) => true,
     });
     let verdicts = line.verdicts(4);
     line.finish().expect(0);
-    drop((frozen, silent, last));
+    drop((frozen, silent, more));
     assert_like_undisturbed(&sandbox, &verdicts, "watched");
 }
 

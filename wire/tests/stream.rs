@@ -268,10 +268,13 @@ fn a_killed_subscriber_does_not_hold_its_publisher() {
     let store = Receiving::start(&place.0, Role::Store, 399, || ());
     let mut slow = child(&place.0, 60_000);
     let address = place.0.clone();
+    let (opened, is_open) = sync_channel(1);
     let publisher = in_thread("acquire-1", move || {
         let line = join(&address, Role::Acquire(0));
         let publisher = Publisher::<TapTopic>::open(&line).unwrap();
-        send_taps(&publisher, 0, 400).unwrap();
+        send_taps(&publisher, 0, 200).unwrap();
+        is_open.recv().unwrap();
+        send_taps(&publisher, 200, 200).unwrap();
     });
     // The slow one holds the first tap, and its buffer is full: one more may reach `store` before the publisher waits.
     let stored = || store.count.load(Ordering::Relaxed) as usize;
@@ -282,7 +285,10 @@ fn a_killed_subscriber_does_not_hold_its_publisher() {
     slow.wait().unwrap();
     // As the supervisor does when a process has died.
     join(&place.0, Role::Supervisor).clear_dead();
+    // The layer closes the connection of a dead subscriber before it takes it off its list: what is sent between the two
+    // reaches the others alone, which is why a new subscriber raises the generation.
     let mut quick = child(&place.0, 0);
+    opened.send(()).unwrap();
     store.assert_got(0..400);
     assert!(quick.wait().unwrap().success());
     publisher.join().unwrap();
