@@ -97,7 +97,7 @@ impl Casing {
         let p = &self.population;
         let common = self.shoulders[usize::from(shoulder == 2)];
         let (shared, own) = (p.place_shared.sqrt(), (1.0 - p.place_shared).sqrt());
-        let angle_deg = angle_deg.rem_euclid(360.0);
+        let angle_deg = if self.population.stands_still { 0.0 } else { angle_deg.rem_euclid(360.0) };
         let key = self.key(0, shoulder);
         let field = shared * self.field(key, angle_deg) + own * self.field(key.millionths(offset_mm), angle_deg);
         let (mut here, mut beside) =

@@ -44,6 +44,8 @@ pub struct Population {
     pub velocity_error: f64,
     /// Fraction of the taps that go wrong: half bounce, half land beside their place or are too slow.
     pub rogue: f64,
+    /// Whether the casings do not turn: every tap is at 0 degrees.
+    pub stands_still: bool,
     /// Noise of the force sensor, N.
     pub force_noise_n: f64,
     /// Noise of the microphone, V.
@@ -73,6 +75,7 @@ impl Population {
             tap_modes: 0.02,
             velocity_error: 0.002,
             rogue: 0.0,
+            stands_still: false,
             force_noise_n: 0.05,
             sound_noise_v: 0.002,
         }

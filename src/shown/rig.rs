@@ -18,7 +18,8 @@ const MANY: usize = 4;
 const OVER_AFTER: usize = 3;
 
 /// Reasons that casings get when the rig has changed, but also for damage all round or another kind of casing.
-const REASONS: [Reasons; 4] = [Reasons::LEVEL_OFF, Reasons::SCATTER_OFF, Reasons::FORCE_OFF, Reasons::FEATURES_ABSENT];
+const REASONS: [Reasons; 5] =
+    [Reasons::LEVEL_OFF, Reasons::SCATTER_OFF, Reasons::SCATTER_LOW, Reasons::FORCE_OFF, Reasons::FEATURES_ABSENT];
 
 /// Shoulders that lack taps say nothing of the rig.
 const INCOMPLETE: Reasons = Reasons::NOT_ENDED.union(Reasons::TAPS_REFUSED).union(Reasons::TAPS_MISSING);

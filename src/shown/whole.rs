@@ -56,6 +56,7 @@ impl Whole {
         match reason {
             "flagged" => flags(&self.flags),
             "scatter_off" => scatter(&self.scatter),
+            "scatter_low" => mean_scatter(&self.scatter),
             "level_off" => level(&self.level, &[Discriminator::FMax, Discriminator::Tau, Discriminator::Pr]),
             SOUND_GAIN => level(&self.level, &[Discriminator::A1]),
             FORCE_GAIN => level(&self.level, &[Discriminator::FMax]),
@@ -80,6 +81,12 @@ fn scatter(scatter: &BTreeMap<String, f64>) -> Option<String> {
     let large = scatter.iter().filter(|(_, times)| **times >= 1.5).count().clamp(1, 3);
     let large = scatter.iter().take(large).map(|(which, times)| format!("{which} {times:.1}"));
     Some(format!("{} times the reference's", large.collect::<Vec<_>>().join(", ")))
+}
+
+/// The root mean square over the discriminators: "0.4 times the reference's".
+fn mean_scatter(scatter: &BTreeMap<String, f64>) -> Option<String> {
+    let squares: f64 = scatter.values().map(|times| times * times).sum();
+    (!scatter.is_empty()).then(|| format!("{:.2} times the reference's", (squares / scatter.len() as f64).sqrt()))
 }
 
 /// Some levels: "f_max -19.0 %, tau +10.2 %, pr +0.4 % relative to the reference's". A few per cent are much.

@@ -61,6 +61,30 @@ fn a_reference_covers_the_temperatures_that_it_was_made_at() {
     assert!(softer.iter().filter(|(_, verdict, _)| verdict == "PASS").count() >= 7, "{softer:?}");
 }
 
+/// Catches a casing that stands still under the impactor and passes, though it has a crack that is never tapped.
+#[test]
+fn a_casing_that_does_not_turn_does_not_pass() {
+    let sandbox = Sandbox::new();
+    let run = |name: &str, seed: u32, stands_still: bool, reference: &str| {
+        let crack = "crack = [{ shoulder = 1, first_location = 40, location_count = 5, depth_mm = 6.0, length_mm = 22.0, offset_mm = 0.0 }]";
+        let crack = if stands_still { crack } else { "" };
+        let tyres: String = (0..8).map(|k| format!("[[scan.tyre]]\nserial = \"T-{seed}-{k}\"\n{crack}\n")).collect();
+        let uneven =
+            format!("[simulation]\nring_variation = 0.05\nlocation_scatter = 0.04\nstands_still = {stands_still}\n");
+        sandbox.write("c.toml", &format!("[scan]\nseed = {seed}\n{tyres}{uneven}"));
+        sandbox.run(&format!("run --config c.toml --out {name} --reference {reference}"))
+    };
+    run("turning", 1, false, "self").expect(0);
+    sandbox.run("reference turning --out sound.json").expect(0);
+    let said = run("still", 2, true, "sound.json").expect(0).out;
+    let found = verdicts(&sandbox, "still");
+    assert!(found.iter().all(|(_, verdict, why)| verdict == "RE-INSPECT" && why.contains("scatter_low")), "{found:?}");
+    assert!(said.contains("scatter_low: 0.") && said.contains(" times the reference's"), "{said}");
+    run("turned", 3, false, "sound.json").expect(0);
+    let found = verdicts(&sandbox, "turned");
+    assert!(found.iter().all(|(_, _, why)| !why.contains("scatter_low")), "{found:?}");
+}
+
 /// Catches one casing that was recorded differently and keeps a whole folder from being a reference.
 #[test]
 fn what_was_recorded_differently_is_left_out() {

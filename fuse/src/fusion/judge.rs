@@ -339,6 +339,9 @@ impl<'a> View<'a> {
         if self.is_scatter_off {
             judgement.reasons.insert(Reasons::SCATTER_OFF);
         }
+        if reference.scatter_limits.as_ref().is_some_and(|limits| limits.are_undercut(scores)) {
+            judgement.reasons.insert(Reasons::SCATTER_LOW);
+        }
         if self.is_scatter_off && self.fitted.setup.is_own {
             judgement.reasons.insert(Reasons::SELF_REFERENCE);
         }

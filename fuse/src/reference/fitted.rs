@@ -101,7 +101,7 @@ impl FittedReference {
     }
 }
 
-/// Limits above which a shoulder scatters more than those of a reference.
+/// Limits beyond which a shoulder scatters more, or less, than those of a reference.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct ScatterLimits {
     /// Limits of [`Scores::scatter`], by discriminator: one sound shoulder in 160 exceeds each.
@@ -110,6 +110,8 @@ pub(crate) struct ScatterLimits {
     mean: f64,
     /// Limit of the same that no sound shoulder exceeds.
     far: f64,
+    /// Limit of the same that no sound shoulder falls below.
+    low: f64,
 }
 
 impl ScatterLimits {
@@ -127,10 +129,13 @@ impl ScatterLimits {
         let of_discriminator = |d: usize| {
             mean_and_sd(&|scores: &Scores| scores.scatter[d]).map_or(f64::INFINITY, |(mean, sd)| mean + 2.5 * sd)
         };
+        // By logarithms: a scatter is never below 0, whatever its standard deviation.
+        let (half, rarely_less) = (0.5 * mean, mean * (-4.0 * sd / mean).exp());
         Some(Self {
             of_discriminators: (0..shoulders.first()?.scatter.len()).map(of_discriminator).collect(),
             mean: mean + 2.0 * sd,
             far: if half_more > rare { half_more } else { rare },
+            low: if half < rarely_less { half } else { rarely_less },
         })
     }
 
@@ -143,6 +148,11 @@ impl ScatterLimits {
     pub(crate) fn are_doubtful(&self, scores: &Scores) -> bool {
         scores.mean_scatter() > self.mean
             || scores.scatter.iter().zip(&self.of_discriminators).any(|(x, limit)| x > limit)
+    }
+
+    /// Whether it scatters less than any sound one: perhaps one place was tapped again and again.
+    pub(crate) fn are_undercut(&self, scores: &Scores) -> bool {
+        scores.mean_scatter() < self.low
     }
 }
 

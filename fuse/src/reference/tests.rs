@@ -406,6 +406,26 @@ fn a_casing_that_is_noisier_than_the_reference_is_compared_with_itself() {
 }
 
 #[test]
+fn a_casing_of_one_place_does_not_pass() {
+    // Catches a casing that has not turned and passes, sound ones of which that is said, and a limit that takes no account of how much sound
+    // shoulders differ.
+    let judged = |set: &ReferenceSet, casing: &Casing, seed| {
+        let (verdict, reasons, _) = judged(set, &file(), casing, seed);
+        (verdict, reasons.contains(Reasons::SCATTER_LOW))
+    };
+    let turning = Casing { shoulder_count: 2, location_sd: 1.5, tap_sd: 0.5, ..Casing::default() };
+    let still = Casing { location_sd: 0.0, smooth: 0.0, ..turning.clone() };
+    let set = set_of(shoulders_of_all(&turning, 8));
+    for seed in 0..10 {
+        assert_eq!(judged(&set, &still, seed), (Verdict::ReInspect, true), "{seed}");
+    }
+    assert!((0..40).all(|seed| !judged(&set, &turning, seed).1));
+    let even = (0..4).flat_map(|k| shoulders_of(&still, k, false, &format!("B{k}")));
+    let unlike = set_of(shoulders_of_all(&turning, 4).into_iter().chain(even).collect());
+    assert!((0..10).all(|seed| !judged(&unlike, &still, seed).1));
+}
+
+#[test]
 fn damage_by_both_comparisons_stays_on_the_scale_of_the_reference() {
     // Catches a crack whose strength is stated now by the reference and now by the casing itself, where the rig scatters somewhat more: by
     // scatter alone all of these would be compared with themselves.

@@ -26,6 +26,10 @@ pub enum Scene {
     SoundSmooth,
     /// Sound casings with rogue taps, drifts and places that differ.
     SoundRough,
+    /// Even casings that do not turn on the rig, compared with such that do.
+    StillSmooth,
+    /// The same of casings whose places differ.
+    StillRough,
     /// One turn heard with 0.8 of the gain.
     Gain08,
     /// One turn heard with 1.2 of the gain.
@@ -155,6 +159,8 @@ impl Scene {
             Self::SoundSmooth | Self::Gain08 | Self::Gain12 | Self::GainDrift => "sound-smooth",
             Self::SoundRough | Self::SoundRougher => "sound-rough",
             Self::SoundNoise | Self::SoundNoisier => "sound-noise",
+            Self::StillSmooth => "still-smooth",
+            Self::StillRough => "still-rough",
             Self::FaintSmooth => "faint-smooth",
             Self::FaintRough | Self::FaintRougher => "faint-rough",
             Self::FaintNoise | Self::FaintNoisier => "faint-noise",
@@ -176,26 +182,35 @@ impl Scene {
     /// The sound scene whose population and rig its casings have.
     fn sound_scene(self) -> Self {
         match self {
-            Self::SoundRough | Self::SoundRougher | Self::FaintRough | Self::FaintRougher | Self::StrongRough => {
-                Self::SoundRough
-            }
+            Self::SoundRough
+            | Self::StillRough
+            | Self::SoundRougher
+            | Self::FaintRough
+            | Self::FaintRougher
+            | Self::StrongRough => Self::SoundRough,
             Self::SoundNoise | Self::SoundNoisier | Self::FaintNoise | Self::FaintNoisier => Self::SoundNoise,
             _ => Self::SoundSmooth,
         }
     }
 
+    /// Whether its casings do not turn.
+    fn stands_still(self) -> bool {
+        matches!(self, Self::StillSmooth | Self::StillRough)
+    }
+
     /// Casings and rig of `plate`.
     pub fn population(self) -> Population {
-        match self.sound_scene() {
+        let population = match self.sound_scene() {
             Self::SoundRough => Population::rough(),
             Self::SoundNoise => Population::smooth().with_noise(NOISE_TIMES),
             _ => Population::smooth(),
-        }
+        };
+        Population { stands_still: self.stands_still(), ..population }
     }
 
     /// The settings of `model` closest to that population.
     pub fn simulation(self) -> SimulationConfig {
-        let plain = SimulationConfig::default();
+        let plain = SimulationConfig { stands_still: self.stands_still(), ..SimulationConfig::default() };
         let fault = |kind| PlantedFault { kind, fraction: 0.005 };
         match self.sound_scene() {
             Self::SoundRough => SimulationConfig {

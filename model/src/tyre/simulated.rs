@@ -164,7 +164,7 @@ impl SimulatedRig {
             &Landing {
                 serial: tap.tyre_serial,
                 shoulder: tap.shoulder,
-                location: tap.location % location_count,
+                location: self.location_under(tap) % location_count,
                 location_count,
                 offset_mm: tap.offset_mm,
             },
@@ -187,12 +187,17 @@ impl SimulatedRig {
         }
     }
 
+    /// The location that the impactor meets.
+    fn location_under(&self, tap: &SimulatedTap<'_>) -> u32 {
+        if self.config.stands_still { 0 } else { tap.location }
+    }
+
     /// The layer above the crack with the largest effect on the tap, if there is one.
     fn plate_under(&self, tap: &SimulatedTap<'_>) -> Option<Plate> {
         const FELT_MIN: f64 = 1e-3;
         let cracks = self.cracks.get(tap.tyre_serial)?;
         let plates = cracks.iter().filter_map(|crack| {
-            let felt = crack.felt(tap.shoulder, tap.location, tap.location_count, tap.offset_mm);
+            let felt = crack.felt(tap.shoulder, self.location_under(tap), tap.location_count, tap.offset_mm);
             (felt > FELT_MIN).then(|| crack.plate(&self.scene, felt))
         });
         plates.min_by(|a, b| a.stiffness_n_per_m.total_cmp(&b.stiffness_n_per_m))

@@ -47,6 +47,8 @@ pub struct SimulationConfig {
     pub ring_variation: f64,
     /// Standard deviation of both from location to location.
     pub location_scatter: f64,
+    /// Whether the tyres do not turn: every tap is at location 0.
+    pub stands_still: bool,
     /// Faults of the taps, and how often they occur; none by default.
     pub fault: Vec<PlantedFault>,
 }
@@ -73,6 +75,7 @@ impl Default for SimulationConfig {
             shoulder_scatter: 0.01,
             ring_variation: 0.015,
             location_scatter: 0.004,
+            stands_still: false,
             fault: Vec::new(),
         }
     }

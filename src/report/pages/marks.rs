@@ -46,7 +46,12 @@ pub(crate) fn verdicts(geometry: Geometry, tyre: &Tyre) -> Markup {
 
 /// Details that the reasons do not give: which flags, and how far scatter and level are off.
 fn details(shoulder: &Shoulder) -> impl Iterator<Item = (&'static str, String)> {
-    let all = [("Flagged", Reasons::FLAGGED), ("Scatter", Reasons::SCATTER_OFF), ("Level", Reasons::LEVEL_OFF)];
+    let all = [
+        ("Flagged", Reasons::FLAGGED),
+        ("Scatter", Reasons::SCATTER_OFF),
+        ("Scatter", Reasons::SCATTER_LOW),
+        ("Level", Reasons::LEVEL_OFF),
+    ];
     let given = all.into_iter().filter(|(_, reason)| shoulder.reasons.contains(*reason));
     given.filter_map(|(what, reason)| Some((what, shoulder.whole.detail(&reason.to_string())?)))
 }

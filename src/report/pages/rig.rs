@@ -69,11 +69,11 @@ impl<'a> RigsOfShift<'a> {
         let mut drawn = 0;
         for (station, tyres) in order.iter().take(STATIONS_MOST) {
             let of = |reason: Reasons, times: fn(&Whole) -> &BTreeMap<String, f64>| -> Vec<OfCasing<'_>> {
-                let is_off = |tyre: &Tyre| tyre.shoulders.iter().any(|shoulder| shoulder.reasons.contains(reason));
+                let is_off = |tyre: &Tyre| tyre.shoulders.iter().any(|shoulder| shoulder.reasons.intersects(reason));
                 tyres.iter().map(|(tyre, whole)| (times(whole), is_off(tyre))).collect()
             };
             let level = of(Reasons::LEVEL_OFF, |whole| &whole.level);
-            let scatter = of(Reasons::SCATTER_OFF, |whole| &whole.scatter);
+            let scatter = of(Reasons::SCATTER_OFF | Reasons::SCATTER_LOW, |whole| &whole.scatter);
             let ends = [tyres.first(), tyres.last()].map(|tyre| tyre.map_or("", |(tyre, _)| tyre.serial.as_str()));
             let level = rig::svg(format!("Station {station}: level"), ends, &level, (0.9, 1.1))?;
             let scatter = rig::svg(format!("Station {station}: scatter"), ends, &scatter, (0.0, 1.5))?;
@@ -85,7 +85,7 @@ impl<'a> RigsOfShift<'a> {
         }
         let what = html! {
             strong { "What each rig measured relative to the reference, casing by casing." }
-            " Level is the median around a " (words::side(evidence.geometry)) ", scatter how far its locations differ. A rig that has not changed stays near 1. F_max and τ depend on the force sensor and the impactor, A₁ and PR on the microphone. Shaded casings have the reason level_off or scatter_off."
+            " Level is the median around a " (words::side(evidence.geometry)) ", scatter how far its locations differ. A rig that has not changed stays near 1. F_max and τ depend on the force sensor and the impactor, A₁ and PR on the microphone. Shaded casings have the reason level_off, scatter_off or scatter_low."
             @if self.stations.len() > drawn { " Shown: " (drawn) " of " (self.stations.len()) " stations." }
         };
         Ok(html! { section { h2 { "Rigs" } (figure(pictures, &what)) } })

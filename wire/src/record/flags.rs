@@ -131,6 +131,8 @@ flags! {
             "Only one shoulder of the casing was tapped, and most casings of the reference have two: damage in the other would not show.";
         REPEATED = 25, "repeated":
             "Two taps of the casing have the same values to the last digit: one recording is there twice, and another one lacks.";
+        SCATTER_LOW = 26, "scatter_low":
+            "Its places differ from one another far less than those of the reference: the casing may not have turned, or the reference has more noise.";
     }
 }
 

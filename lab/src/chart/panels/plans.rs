@@ -33,7 +33,7 @@ struct Tried {
 }
 
 /// Labels of the plans that a short chart tries.
-const QUICK: [&str; 5] = ["1 turn", "4 offsets", "50 + 34, again", "adaptive", "Eqs. 55-56, 1 turn"];
+const QUICK: [&str; 5] = ["1 turn", "4 offsets", "50 + 25, again", "adaptive", "Eqs. 55-56, 1 turn"];
 
 /// The plans; a short chart tries a few.
 fn tried(is_full: bool) -> Vec<Tried> {
@@ -50,14 +50,14 @@ fn tried(is_full: bool) -> Vec<Tried> {
         of("4 offsets x 2", "two turns each at 0, 5, 10 and 15 mm", full(&OFFSETS_MM, 2)),
         of("50, again", "every 2nd location at 0 mm, what stands out again", coarse(&[(0.0, 2)])),
         of(
-            "34 + 25, again",
-            "every 3rd location at 0 mm, every 4th at 10 mm, what stands out again",
-            coarse(&[(0.0, 3), (10.0, 4)]),
+            "50 + 25, again",
+            "every 2nd location at 0 mm, every 4th at 10 mm, what stands out again",
+            coarse(&[(0.0, 2), (10.0, 4)]),
         ),
         of(
-            "50 + 34, again",
-            "every 2nd location at 0 mm, every 3rd at 10 mm, what stands out again",
-            coarse(&[(0.0, 2), (10.0, 3)]),
+            "50 + 50, again",
+            "every 2nd location at 0 mm and at 10 mm, what stands out again",
+            coarse(&[(0.0, 2), (10.0, 2)]),
         ),
         Tried {
             is_default: true,
