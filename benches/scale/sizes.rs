@@ -1,4 +1,4 @@
-//! What many lines need, from the costs of one tap.
+//! What many stations need, from the costs of one tap.
 
 use std::fmt::Write as _;
 
@@ -23,9 +23,9 @@ pub(crate) fn text(costs: &Costs) -> Result<String> {
     let rates = LINES.map(|lines| lines * TAPS_PER_S);
     let us = |step: usize| costs.steps.get(step).map_or(f64::NAN, |step| step.us());
     let mut text = format!(
-        "## What lines need\n\nA line makes {TAPS_PER_S} taps/s, day and night: one every 0.4 s. Half of the lines' cores and of each server is kept free, to \
+        "## What stations need\n\nA station makes {TAPS_PER_S} taps/s, day and night: one every 0.4 s. Half of the stations' cores and of each server is kept free, to \
          work off what has piled up.\n\n| | {} |\n|---|{}\n",
-        LINES.map(|lines| format!("{lines:.0} line{}", if lines > 1.0 { "s" } else { "" })).join(" | "),
+        LINES.map(|lines| format!("{lines:.0} station{}", if lines > 1.0 { "s" } else { "" })).join(" | "),
         "--:|".repeat(LINES.len())
     );
     let mut row = |what: &str, of: &dyn Fn(f64) -> f64| -> Result<()> {
@@ -34,7 +34,7 @@ pub(crate) fn text(costs: &Costs) -> Result<String> {
     };
     let bytes = costs.bytes_per_tap;
     row("taps/s", &|rate| rate)?;
-    row("cores of the lines, all together", &|rate| rate * us(0) * 1e-6 / USED)?;
+    row("cores of the stations, all together", &|rate| rate * us(0) * 1e-6 / USED)?;
     row("network to the centre, MB/s", &|rate| rate * bytes / 1e6)?;
     row("disk, GB a day", &|rate| rate * bytes * DAY_S / 1e9)?;
     row("disk, TB a year", &|rate| rate * bytes * DAY_S * 365.0 / 1e12)?;
@@ -45,10 +45,13 @@ pub(crate) fn text(costs: &Costs) -> Result<String> {
     row("cores that judge a year again in a day", &|rate| rate * 365.0 * us(3) * 1e-6)?;
     writeln!(
         text,
-        "\nWhat limits first, as lines are added to one of each:\n\n| what | lines that use half of it |\n|---|--:|"
+        "\nWhat limits first, as stations are added to one of each:\n\n| what | stations that use half of it |\n|---|--:|"
     )?;
     let mut limits = vec![
-        (format!("a host of lines with {CORES} cores, without listening"), CORES * USED / (us(0) * 1e-6 * TAPS_PER_S)),
+        (
+            format!("a host of stations with {CORES} cores, without listening"),
+            CORES * USED / (us(0) * 1e-6 * TAPS_PER_S),
+        ),
         ("a network of 1 Gbit/s at the centre".to_owned(), NETWORK_BYTES_PER_S * USED / (bytes * TAPS_PER_S)),
     ];
     if let Some(way) = &costs.way {
@@ -59,9 +62,9 @@ pub(crate) fn text(costs: &Costs) -> Result<String> {
         writeln!(text, "| {what} | {} |", shown(lines))?;
     }
     text.push_str(
-        "\nThe host of lines does not count listening to sound cards, which sets a lower limit: \
+        "\nThe row of the host is for taps at full speed: at the pace of a rig a tap costs twice as much. Listening and memory set lower limits: \
          [operating.md](operating.md#how-many-stations).\n\nSites are independent of each other: beyond what one server or network can carry, a second server with its own bucket takes the next sites. \
-         Nothing is shared by all lines.\n",
+         Nothing is shared by all stations.\n",
     );
     Ok(text)
 }

@@ -20,7 +20,7 @@ fn main() -> Result<()> {
 
 fn page(sheets: &[Sheet]) -> Result<String> {
     let mut page = String::from(
-        "# Performance\n\n`make bench` measures all of this and writes this page. Each yardstick takes turns with what it is compared with. A value is the \
+        "# Performance\n\nWhat each part of tapline costs, beside yardsticks. `make bench` measures it and writes this page. Each yardstick takes turns with what it is compared with. A value is the \
          median over rounds, with the quartiles in brackets. For kernels the fastest turn of each round counts. Compare times of one run \
          with each other, not with those of another: the machine is shared.\n\n",
     );

@@ -41,8 +41,8 @@ const SHARED: &str = "/dev/shm";
 #[derive(Debug, Args)]
 #[command(allow_negative_numbers = true)]
 pub struct HeadroomArgs {
-    /// Stations of the second line that is tried; the first has one for each core. Few stations overstate what one takes: with no
-    /// more than there are cores each starts a process, and of /dev/shm eight take nearly as much as 256.
+    /// Stations of the second line; the first has one for each core. With few stations the need of one is overstated: up to the
+    /// number of cores each starts a process, and eight take nearly as much of /dev/shm as 256.
     #[arg(long, default_value_t = 32, value_parser = clap::value_parser!(u16).range(2..=1024))]
     stations: u16,
     /// Taps per second of a station.

@@ -60,7 +60,7 @@ fn the_probability_of_detection_is_that_of_statsmodels() {
     let found = tables(&sandbox, &rows);
     let detection = found["detection"].as_array().unwrap();
     let hits = &detection[0];
-    assert!(hits["class"] == "re-inspect limit" && hits["method"] == "hit or miss", "{hits}");
+    assert!(hits["class"] == "re-inspect limit" && hits["method"] == "hit/miss", "{hits}");
     assert_eq!(hits["targets"], case.sizes.len() as f64);
     assert_eq!(hits["found"], case.is_hit.iter().filter(|&&is_hit| is_hit).count() as f64);
     assert!(is_near(&hits["a50_mm"], case.a50) && is_near(&hits["a90_mm"], case.a90), "{hits}");
@@ -336,7 +336,7 @@ fn false_calls_and_roc_are_those_of_hands() {
     // 5 beats all 40 sound ones; 3.2 all but 3.5; 2.1 all but 3.5 and 2.2; 0.7 the nine below it and ties with one.
     let roc = &found["roc"][0];
     assert!(is_near(&roc["auc"], (40.0 + 39.0 + 38.0 + 9.5) / 160.0), "{roc}");
-    // Two of 40 false alarms are 5 %: all but 0.7 stand above the third.
+    // Two of 40 false calls are 5 %: all but 0.7 stand above the third.
     assert!(is_near(&roc["tpr_at_5"], 0.75), "{roc}");
     // 8 locations of 44 shoulders, of which each cracked one has two.
     assert!(found["roc"][1]["cracked"] == 8.0 && found["roc"][1]["sound"] == 344.0, "{}", found["roc"][1]);
@@ -379,7 +379,7 @@ fn archives_tell_their_own_truth() {
     assert!(text(&sandbox.path("found/roc.svg")).ends_with("</svg>\n"));
     // 4 pairs of different tyres, all won: 0.3976 to 1. All 4 cracked tyres found: the same.
     assert!(page.contains("AUC of shoulders by strongest arc 1 (0.3976 to 1)"), "{page}");
-    assert!(page.contains("TPR at 5 % false alarms 1 (0.3976 to 1)"), "{page}");
+    assert!(page.contains("TPR at 5 % false calls 1 (0.3976 to 1)"), "{page}");
     assert!(page.contains("limits lie between 2 and 2.4"), "{page}");
     assert!(page.contains("no shoulder was scanned twice at one station"), "{page}");
     assert!(page.contains("No probability of detection: no crack has a size."), "{page}");

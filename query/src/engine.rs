@@ -41,7 +41,7 @@ pub enum Engine {
 /// Which archives are worked on, and where.
 #[derive(Debug, Clone, clap::Args)]
 pub struct ArchiveArgs {
-    /// Folders of casing files; every finished archive in them and in their subfolders is taken.
+    /// Folders of archives; every finished one in them and in their subfolders is taken.
     #[arg(required = true, value_name = "DIR|s3://BUCKET/DIR")]
     pub places: Vec<Place>,
     /// Where the work is done: local, or cluster://HOST:PORT.

@@ -41,7 +41,7 @@ enum Verb {
     Reprocess(Order),
     /// Copy finished archives to another place, such as a bucket. Each is checked first; nothing is overwritten.
     Copy {
-        /// Folders of casing files; every finished archive in them and in their subfolders is copied.
+        /// Folders of archives; every finished one in them and in their subfolders is copied.
         #[arg(required = true, value_name = "DIR|s3://BUCKET/DIR")]
         places: Vec<Place>,
         /// Where they go.

@@ -28,7 +28,7 @@ pub(crate) struct ReferenceArgs {
     /// others keep the direction of the configuration.
     #[arg(long, requires = "labelled")]
     pub learn_directions: bool,
-    /// Configuration file for directions and re-inspect rate; if left out, those of the first archive.
+    /// Configuration file whose `[fuse]` has the directions, discriminators and rates; if left out, that of the first archive.
     #[arg(long)]
     pub config: Option<PathBuf>,
     /// File to write, whose name ends in .json.
@@ -188,7 +188,7 @@ pub(crate) enum What {
     Discriminators,
     /// The damage index of every location.
     Damage,
-    /// The arcs of damage.
+    /// The regions of damage.
     Regions,
     /// The verdict on every shoulder.
     Verdicts,

@@ -17,8 +17,8 @@ pub(crate) struct SourceArgs {
     /// Folder for the results, one file per casing; if left out, `simulated` or the name of the tap set, in this folder.
     #[arg(long)]
     pub out: Option<PathBuf>,
-    /// What shoulders are compared with, in place of the configuration's reference: the file of a reference (`tapline reference`
-    /// makes one), TYRE/SHOULDER of the casing itself, or `self`: each tyre with itself, where damage all round does not show.
+    /// What shoulders are compared with; needed here or in the configuration: a reference file (`tapline reference` makes one),
+    /// TYRE/SHOULDER of the casing itself, or `self`: each casing with itself, where damage all round does not show.
     #[arg(long, value_name = "FILE.json|TYRE/SHOULDER|self")]
     pub reference: Option<String>,
     /// Number of stations: simulated ones, or those that share the shoulders of a tap set.
@@ -43,8 +43,8 @@ pub(crate) struct LineArgs {
     /// Folder for the results: one folder per day, one file per casing; created if it does not exist.
     #[arg(long)]
     pub out: PathBuf,
-    /// What shoulders are compared with, in place of the configuration's reference: the file of a reference (`tapline reference`
-    /// makes one), or `self`: each tyre with itself, where damage all round does not show.
+    /// What shoulders are compared with; needed here or in the configuration: a reference file (`tapline reference` makes one), or
+    /// `self`: each casing with itself, where damage all round does not show.
     #[arg(long, value_name = "FILE.json|self")]
     pub reference: Option<String>,
     /// Print verdicts as lines of JSON.

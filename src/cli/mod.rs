@@ -108,7 +108,7 @@ pub(crate) enum Verb {
     Export(ExportArgs),
     /// Make a tap set from recordings of other programs: WAV, CSV, HDF5, MATLAB, Universal Files, TDMS.
     ///
-    /// A tap is a file, a part of one, or what a trigger finds in a continuous record. A small configuration says which, and
+    /// A tap is a file, a part of one, or what a trigger finds in a continuous recording. A small configuration says which, and
     /// adds what the recordings do not state.
     Import(ImportArgs),
     /// Make a reference from archived shoulders that are known to be sound, or labelled location by location.
@@ -147,12 +147,12 @@ pub(crate) enum Verb {
         #[arg(long)]
         json: bool,
     },
-    /// Send the finished casing files of a line to a centre, each once, over a NATS server.
+    /// Send the finished archives of a line to a centre, each once, over a NATS server.
     ///
     /// A file is sent until a centre confirms it; the line is not affected. Prints a line for each. See docs/uplink.md.
     #[cfg(feature = "uplink")]
     Uplink(uplink::UplinkArgs),
-    /// Collect at a centre the casing files that `tapline uplink` sends; several hosts may share the work.
+    /// Collect at a centre the archives that `tapline uplink` sends; several hosts may share the work.
     ///
     /// Each file is checked as by `tapline verify` before the sender gets a receipt. Prints a line for each.
     #[cfg(feature = "uplink")]
@@ -192,7 +192,7 @@ pub(crate) enum Verb {
         #[arg(long)]
         json: bool,
     },
-    /// Write what archives hold as pages to read and print: one page for each tyre and one for the shift.
+    /// Write what archives hold as pages to read and print: one page for each casing and one for the shift.
     ///
     /// Each page is one HTML file that needs nothing else. Of an archive with missing taps the pages
     /// show what is there.

@@ -1,4 +1,4 @@
-//! ROC curves over the locations, or the shoulders, of many tyres: areas, and finds at a rate of false alarms. Intervals
+//! ROC curves over the locations, or the shoulders, of many tyres: areas, and finds at a rate of false calls. Intervals
 //! resample whole tyres, since places on one are alike, and are widened because the tyres are few (T. C. Hesterberg, The American
 //! Statistician 69:371, 2015, expanded percentile interval).
 
@@ -12,7 +12,7 @@ use tapline_draw::canvas::Point;
 use crate::shoulder_result::ShoulderResult;
 use crate::statistics::clopper_pearson;
 
-/// The rate of false alarms at which finds are counted.
+/// The rate of false calls at which finds are counted.
 pub(crate) const FALSE_ALARMS: f64 = 0.05;
 
 /// Resamples of an interval.
@@ -36,7 +36,7 @@ struct Thing {
     tyre: usize,
 }
 
-/// A part found at a rate of false alarms.
+/// A part found at a rate of false calls.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct FoundAt {
     pub rate: f64,

@@ -1,4 +1,4 @@
-//! Which cracks are found, against their size: by hit and miss, and by the response.
+//! Which cracks are found, against their size: by hit/miss, and by the response.
 
 use crate::statistics::{A_HAT_TARGETS, AHat, HIT_MISS_TARGETS, HitMiss, Refusal, a_hat, hit_miss};
 use tapline_draw::canvas::{PALE_INK, Point};
@@ -49,7 +49,7 @@ impl Detection {
         self.targets.iter().filter(|t| t.is_found).count()
     }
 
-    /// a90 and a90/95 by hit and miss, in words; or why there are none.
+    /// a90 and a90/95 by hit/miss, in words; or why there are none.
     pub(crate) fn sizes_in_words(&self) -> Result<String, &Refusal> {
         let size = |name: &str, size_mm: Option<f64>| match size_mm {
             Some(_) => format!("{name} {} mm", cell(size_mm)),
@@ -59,7 +59,7 @@ impl Detection {
         Ok(format!("{}, {}", size("a90", a90), size("a90/95", a90_95)))
     }
 
-    /// a90/95 by hit and miss, if the targets support it.
+    /// a90/95 by hit/miss, if the targets support it.
     pub(crate) fn a90_95_mm(&self) -> Option<f64> {
         self.supported(sizes_of(self.hit_miss.as_ref().ok()?)).0[2]
     }
@@ -78,7 +78,7 @@ impl Detection {
             (sizes, remarks.join("; "))
         };
         let of_hits = self.hit_miss.as_ref().map(|h| with_remarks(sizes_of(h), vec![few(h.targets, HIT_MISS_TARGETS)]));
-        push("hit or miss", of_hits.map_err(ToString::to_string));
+        push("hit/miss", of_hits.map_err(ToString::to_string));
         let of_responses = self
             .a_hat
             .as_ref()
@@ -124,7 +124,7 @@ impl Detection {
             marks.push(Mark::Line(sizes().filter_map(|x| Some((x, h.pod(x)?))).collect(), COLORS[0], 2.25));
             marks.push(Mark::Line(sizes().filter_map(|x| Some((x, h.pod_lower_95(x)?))).collect(), COLORS[0], 1.0));
         } else {
-            name.push_str(": no curve by hit and miss");
+            name.push_str(": no curve by hit/miss");
         }
         if let Ok(a) = &self.a_hat {
             marks.push(Mark::Line(sizes().filter_map(|x| Some((x, a.pod(x)?))).collect(), COLORS[1], 2.25));
@@ -153,8 +153,7 @@ fn uneven(line: &AHat) -> String {
     if line.has_even_scatter {
         String::new()
     } else {
-        "responses scatter differently at different sizes, which the line does not allow for: use hit or miss"
-            .to_owned()
+        "responses scatter differently at different sizes, which the line does not allow for: use hit/miss".to_owned()
     }
 }
 
@@ -180,7 +179,7 @@ mod tests {
         }
         // The targets are 6 to 27 mm long.
         assert!(detection.hit_miss.as_ref().unwrap().a50.is_some_and(|size| size < 6.0), "{detection:?}");
-        assert!(text.lines().nth(1).unwrap().starts_with("all,hit or miss,72,45,,,,"), "{text}");
+        assert!(text.lines().nth(1).unwrap().starts_with("all,hit/miss,72,45,,,,"), "{text}");
         assert_eq!(detection.sizes_in_words().unwrap(), "no a90, no a90/95");
         // A bound beyond them is remarked too.
         let (sizes, remark) = detection.supported([Some(7.0), Some(27.0), Some(1040.0)]);

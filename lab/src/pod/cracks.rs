@@ -79,7 +79,7 @@ pub(super) fn detections(inspected: &[InspectedShoulder]) -> Vec<Detection> {
 }
 
 pub(super) fn table(detections: &[Detection]) -> Table {
-    let title = "Finds against the size of the crack, in mm: by hit and miss, and by the response; a region that reaches the \
+    let title = "Finds against the size of the crack, in mm: by hit/miss, and by the response; a region that reaches the \
                  limit is a find";
     let mut table = Table::new("detection", title, DETECTION_COLUMNS);
     detections.iter().for_each(|detection| detection.push(&mut table));

@@ -48,7 +48,7 @@ fn conclusions(found: &Findings) -> Vec<String> {
 fn detected(detection: &Detection) -> String {
     let sizes = detection.sizes_in_words().unwrap_or_else(|why| format!("no a90, since {why}"));
     let (found, all) = (detection.found_count(), detection.targets.len());
-    format!("Regions that reach the {}: {found} of {all} cracks found; by hit and miss {sizes}.", detection.class)
+    format!("Regions that reach the {}: {found} of {all} cracks found; by hit/miss {sizes}.", detection.class)
 }
 
 /// An interval in words.
@@ -59,8 +59,8 @@ fn between(interval: Option<(f64, f64)>) -> String {
 
 fn ranked(roc: &Roc) -> Option<String> {
     let found = roc.found.map_or_else(
-        || "no TPR at 5 % false alarms".to_owned(),
-        |found| format!("TPR at 5 % false alarms {} ({})", cell(found.rate), between(found.interval)),
+        || "no TPR at 5 % false calls".to_owned(),
+        |found| format!("TPR at 5 % false calls {} ({})", cell(found.rate), between(found.interval)),
     );
     Some(format!("AUC of {} {} ({}); {found}.", roc.things, cell(roc.auc?), between(roc.interval)))
 }

@@ -79,7 +79,7 @@ impl Roc {
             }
             if found.is_none() {
                 remarks
-                    .push(format!("no TPR at 5 % false alarms: there are {sound} sound, and 20 are needed to call 1"));
+                    .push(format!("no TPR at 5 % false calls: there are {sound} sound, and 20 are needed to call 1"));
             }
         }
         remarks.retain(|remark| !remark.is_empty());
@@ -90,7 +90,7 @@ impl Roc {
 pub(super) fn table(rocs: &[Roc]) -> Table {
     let mut table = Table::new(
         "roc",
-        "Area under the ROC curve, and the true positive rate (TPR) at 5 % false alarms. Intervals draw whole tyres; of a perfect \
+        "Area under the ROC curve, and the true positive rate (TPR) at 5 % false calls. Intervals draw whole tyres; of a perfect \
          area or rate they are the exact ones of as many independent tyres",
         ["called", "cracked", "sound", "auc", "auc_low", "auc_high", "tpr_at_5", "tpr_low", "tpr_high", "remark"],
     );

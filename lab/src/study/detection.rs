@@ -61,7 +61,7 @@ pub(super) fn detection(set: &Set, size: &Size, seed: u64) -> Result<Vec<Detecti
 pub(super) fn table(detections: &[Detection]) -> Table {
     let mut table = Table::new(
         "detection",
-        "Finds against the length of the crack across the shoulder, in mm: by hit and miss, and by the response",
+        "Finds against the length of the crack across the shoulder, in mm: by hit/miss, and by the response",
         DETECTION_COLUMNS,
     );
     detections.iter().for_each(|detection| detection.push(&mut table));

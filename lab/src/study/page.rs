@@ -107,7 +107,7 @@ fn detected(detection: &[Detection]) -> String {
         let sizes = d.sizes_in_words().unwrap_or_else(|_| "no a90, for the reason in the table".to_owned());
         format!("{}, {} of {} found: {sizes}", d.class, d.found_count(), d.targets.len())
     };
-    format!("Finds by hit and miss: {}.", listed(&detection.iter().map(text).collect::<Vec<_>>()))
+    format!("Finds by hit/miss: {}.", listed(&detection.iter().map(text).collect::<Vec<_>>()))
 }
 
 /// The study's numbers beside those of other structures.
@@ -121,7 +121,7 @@ fn published(detection: &[Detection], of_sets: &[OfSet]) -> Vec<String> {
     });
     let range = extent(of_sets.iter().filter_map(|of| Some(of.found?.rate))).map(|(least, most)| {
         format!(
-            "At 5 % false alarms {} to {} of the cracked locations are found, set by set; {} is published for another structure, \
+            "At 5 % false calls {} to {} of the cracked locations are found, set by set; {} is published for another structure, \
              concrete slabs (FHWA).",
             cell(least),
             cell(most),

@@ -122,7 +122,7 @@ fn pod(detection: &[Detection]) -> Picture {
         beside: "detection",
         title: "Probability of detection against the length of the crack".to_owned(),
         note: "Default index, healthy reference. Thin: lower 95 % bound. Grey: 90 %.".to_owned(),
-        keys: keys(&["by hit and miss", "by response", "found", "missed"]),
+        keys: keys(&["by hit/miss", "by response", "found", "missed"]),
         columns: 2,
         height: 240.0,
         plots: detection.iter().map(|d| d.plot("Length across the shoulder in mm", (3.0, 31.0))).collect(),

@@ -8,7 +8,7 @@ pub(super) const HONEYCOMB_A90_95_MM: f64 = 28.0;
 /// TPR of concrete slabs, at a TNR of 0.95: Dorafshan & Azari, TRID 1748127.
 pub(super) const SLABS_TPR: f64 = 0.7;
 
-/// The a90/95 by hit and miss of the cracks of all depths.
+/// The a90/95 by hit/miss of the cracks of all depths.
 pub(super) fn a90_95_mm(detection: &[Detection]) -> Option<f64> {
     detection.first()?.a90_95_mm()
 }
@@ -21,7 +21,7 @@ pub(super) fn table(detection: &[Detection], of_sets: &[OfSet]) -> Table {
         ["number", "set", "here", "low", "high", "published", "published_of", "source"],
     );
     table.push([
-        "a90/95 in mm, all depths, hit or miss".into(),
+        "a90/95 in mm, all depths, hit/miss".into(),
         "plain".into(),
         cell(a90_95_mm(detection)),
         Cell::Empty,
@@ -31,7 +31,7 @@ pub(super) fn table(detection: &[Detection], of_sets: &[OfSet]) -> Table {
         "NRC Canada, ICAF 2023, paper 55".into(),
     ]);
     for (set, found) in of_sets.iter().filter_map(|of| Some((of.set, of.found?))) {
-        let mut row = vec!["TPR at 5 % false alarms".into(), set.into(), cell(found.rate)];
+        let mut row = vec!["TPR at 5 % false calls".into(), set.into(), cell(found.rate)];
         row.extend(ends(found.interval));
         row.extend([
             cell(SLABS_TPR),

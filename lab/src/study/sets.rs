@@ -42,7 +42,11 @@ pub(super) fn sets() -> Vec<Set> {
     vec![
         of("plain", "the simulation's defaults", default()),
         of("loud", "noise of the sound x 10", SimulationConfig { sound_noise_v: 0.04, ..default() }),
-        of("rough", "noise of the force x 10", SimulationConfig { force_noise_n: 0.5, ..default() }),
+        of(
+            "rough",
+            "noise of the force x 10 (not the rough casings of rates.md)",
+            SimulationConfig { force_noise_n: 0.5, ..default() },
+        ),
         of(
             "both",
             "noise of sound and force x 10",

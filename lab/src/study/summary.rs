@@ -28,7 +28,7 @@ pub(super) struct OfSet {
     pub dissertation: Rival,
     /// AUC of the default index, each tyre by itself.
     pub by_itself: Option<f64>,
-    /// What is found at 5 % false alarms.
+    /// What is found at 5 % false calls.
     pub found: Option<FoundAt>,
 }
 

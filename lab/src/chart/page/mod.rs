@@ -166,7 +166,7 @@ fn origin(skipped: &[Skipped], from: &Provenance) -> Markup {
 pub(crate) fn markdown(panels: &[Panel], skipped: &[Skipped], provenance: &Provenance) -> String {
     let mut page = String::from(
         "# Speed against accuracy\n\nWhat each choice in tapline costs, and how wrong it is. `tapline-lab chart --force` measures all of it in one run on \
-         one machine, and draws this page. [index.html](index.html) has every number besides, for a screen, a phone or paper. \
+         one machine, and draws this page. [index.html](index.html) is this page with every number, for a screen, a phone or paper. \
          [points.csv](points.csv) has all points.\n\n## How to read it\n",
     );
     for paragraph in HOW_TO_READ {
