@@ -1,8 +1,8 @@
 //! The taps of an archive as MATLAB files of version 7, which MATLAB, Octave and scipy open.
 //!
 //! There is one file for each shoulder. `force` and `sound` are matrices of floats with a column for each tap, in `force_unit` and
-//! `sound_unit` (FS is a fraction of full scale, if the scale is not known); the location, angle and other numbers of
-//! the taps are row vectors with an element for each. A tap with fewer samples than the longest
+//! `sound_unit` (FS is a fraction of full scale, if the scale is not known); the location, angle, time (`tap_time_s`, since the Unix epoch) and
+//! other numbers of the taps are row vectors with an element for each. `tyre` and `shoulder` say whose they are. A tap with fewer samples than the longest
 //! ends with NaN. Beside the files, `taps.csv` lists every planned tap, with its column or why it has none.
 //!
 //! Source: MathWorks, *MAT-File Format*.
@@ -61,13 +61,13 @@ struct Columns {
     force: Vec<Vec<f32>>,
     sound: Vec<Vec<f32>>,
     sample_count_max: usize,
-    numbers: Vec<[f64; 8]>,
+    numbers: Vec<[f64; 9]>,
 }
 
 /// Names of the row vectors, in the order of their numbers.
-const NUMBERS: [&str; 8] = [
+const NUMBERS: [&str; 9] = [
     "location", "angle_deg", "offset_mm", "velocity_m_per_s", "velocity_measured_m_per_s", "repetition",
-    "sample_count", "microphone_distance_m",
+    "sample_count", "microphone_distance_m", "tap_time_s",
 ];
 
 impl Columns {
@@ -93,6 +93,7 @@ impl Columns {
             id.repetition.into(),
             header.sample_count.into(),
             header.microphone_distance_m,
+            if header.tap_time_ns == 0 { unknown } else { header.tap_time_ns as f64 * 1e-9 },
         ]);
         self.sample_count_max = self.sample_count_max.max(count);
         let bytes = self.sample_count_max.saturating_mul(self.numbers.len()).saturating_mul(size_of::<f32>());
@@ -113,6 +114,8 @@ impl Columns {
         let recording = &reader.plan().recording;
         let scalar = |value: f64| std::iter::once(value.to_le_bytes());
         variable(&mut out, "sample_rate_hz", (1, 1), MX_DOUBLE, MI_DOUBLE, scalar(recording.sample_rate_hz))?;
+        text(&mut out, "tyre", scan.tyre.as_str())?;
+        variable(&mut out, "shoulder", (1, 1), MX_DOUBLE, MI_DOUBLE, scalar(scan.shoulder.into()))?;
         let before = f64::from(recording.pre_trigger_samples);
         variable(&mut out, "pre_trigger_samples", (1, 1), MX_DOUBLE, MI_DOUBLE, scalar(before))?;
         // Samples run down the columns, also where there are more taps than samples.
@@ -128,8 +131,7 @@ impl Columns {
             let unit = recording.calibration.unit(channel).name();
             let channel = if channel == Channel::Force { &self.force } else { &self.sound };
             if channel.len() == tap_count {
-                let letters = unit.encode_utf16().map(u16::to_le_bytes);
-                variable(&mut out, unit_name, (1, unit.len()), MX_CHAR, MI_UINT16, letters)?;
+                text(&mut out, unit_name, unit)?;
                 let padded = |column: &Vec<f32>| {
                     let missing = self.sample_count_max - column.len();
                     column.clone().into_iter().chain(std::iter::repeat_n(f32::NAN, missing))
@@ -140,6 +142,12 @@ impl Columns {
         }
         out.flush()
     }
+}
+
+/// Writes a line of letters.
+fn text(out: &mut BufWriter<File>, name: &str, text: &str) -> io::Result<()> {
+    let letters: Vec<[u8; 2]> = text.encode_utf16().map(u16::to_le_bytes).collect();
+    variable(out, name, (1, letters.len()), MX_CHAR, MI_UINT16, letters.into_iter())
 }
 
 /// Writes a packed matrix, whose values come column by column.

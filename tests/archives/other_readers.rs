@@ -80,6 +80,8 @@ for k, row in enumerate(csv.DictReader(open("mat/taps.csv", encoding="utf-8"))):
         assert mat[name].dtype == np.float32 and (mat[name][:, column] == want.astype("f4")).all()
     for name in ["location", "angle_deg", "offset_mm", "velocity_m_per_s", "velocity_measured_m_per_s", "repetition"]:
         assert mat[name][0, column] == float(row[name]), name
+    assert abs(mat["tap_time_s"][0, column] - header[k]["tap_time_ns"] * 1e-9) < 1e-6
+    assert mat["tyre"] == row["tyre"] and mat["shoulder"] == float(row["shoulder"])
     assert mat["sample_count"][0, column] == samples.shape[2]
     assert mat["sample_rate_hz"] == header[k]["sample_rate_hz"]
     assert mat["time_axis"] == 1
