@@ -49,7 +49,7 @@ impl RefusedTaps {
         let follows = [
             (true, Reasons::TAPS_REFUSED),
             (is_gap, Reasons::LOCATION_BLIND),
-            (is_most || is_gap && is_heard, Reasons::FEATURES_ABSENT),
+            (is_most || is_gap && is_heard, Reasons::DISCRIMINATORS_ABSENT),
             (is_most, Reasons::NO_INDEX),
         ];
         let covers = follows.into_iter().filter(|(is_so, _)| *is_so).fold(Reasons::default(), |all, (_, of)| all | of);

@@ -18,8 +18,13 @@ const MANY: usize = 4;
 const OVER_AFTER: usize = 3;
 
 /// Reasons that casings get when the rig has changed, but also for damage all round or another kind of casing.
-const REASONS: [Reasons; 5] =
-    [Reasons::LEVEL_OFF, Reasons::SCATTER_OFF, Reasons::SCATTER_LOW, Reasons::FORCE_OFF, Reasons::FEATURES_ABSENT];
+const REASONS: [Reasons; 5] = [
+    Reasons::LEVEL_OFF,
+    Reasons::SCATTER_OFF,
+    Reasons::SCATTER_LOW,
+    Reasons::FORCE_OFF,
+    Reasons::DISCRIMINATORS_ABSENT,
+];
 
 /// Shoulders that lack taps say nothing of the rig.
 const INCOMPLETE: Reasons = Reasons::NOT_ENDED.union(Reasons::TAPS_REFUSED).union(Reasons::TAPS_MISSING);
@@ -252,7 +257,7 @@ mod tests {
     /// stations that are mistaken for one.
     #[test]
     fn a_sign_is_of_whole_casings_and_of_one_station() {
-        let absent = Reasons::FEATURES_ABSENT;
+        let absent = Reasons::DISCRIMINATORS_ABSENT;
         for more in [Reasons::TAPS_REFUSED, Reasons::DAMAGE] {
             assert_eq!(said(&vec![(absent | more, whole(1.0, 1.0)); 9]), [""; 0]);
         }

@@ -190,7 +190,7 @@ fn taps_that_never_came_are_the_reason() {
     assert!(shift.contains(&format!("<td>the file does not exist</td><td class=\"n\">{count}</td>")), "{shift}");
     let (overview, why) = shift.split_once("Why shoulders did not pass").unwrap();
     assert!(why.contains("<td><code>taps_refused</code></td>"), "{why}");
-    for follows in ["location_blind", "no_index", "features_absent"] {
+    for follows in ["location_blind", "no_index", "discriminators_absent"] {
         assert!(!overview.contains(follows) && !why.contains(&format!("<code>{follows}</code>")), "{follows}");
         assert!(reasons.contains(follows), "{follows}: {reasons}");
     }
@@ -211,7 +211,7 @@ fn taps_that_never_came_are_the_reason() {
     let (shift, ..) = again("mute", &mute);
     let cause = format!("2: RE-INSPECT (1 of {count} planned taps were refused: the file does not exist; ");
     assert!(shift.contains(&cause), "{shift}");
-    assert!(shift.contains("<code>features_absent</code>"), "{shift}");
+    assert!(shift.contains("<code>discriminators_absent</code>"), "{shift}");
     // A few neighbours lack, and nothing else.
     let (shift, reasons, _) = again("few", &|k, file| {
         if k < 5 {
@@ -222,7 +222,10 @@ fn taps_that_never_came_are_the_reason() {
         shift.contains(&format!("2: RE-INSPECT (5 of {count} planned taps were refused: the file does not exist)")),
         "{shift}"
     );
-    assert!(reasons.contains("features_absent") && !shift.contains("<code>features_absent</code>"), "{reasons}");
+    assert!(
+        reasons.contains("discriminators_absent") && !shift.contains("<code>discriminators_absent</code>"),
+        "{reasons}"
+    );
 }
 
 /// Catches a casing that was rejected and whose other scan, which passed, is far below it; casings of another shift; a limit that is taken

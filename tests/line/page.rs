@@ -168,7 +168,7 @@ fn who_looks_at_the_line_learns_why_taps_lack() {
     fs::rename(sandbox.path("sets/B"), sandbox.path("inbox/B")).unwrap();
     let verdict = line.verdict();
     let sent = verdict["shoulders"][1].as_object().unwrap();
-    for reason in ["taps_refused", "location_blind", "no_index", "features_absent"] {
+    for reason in ["taps_refused", "location_blind", "no_index", "discriminators_absent"] {
         assert!(sent["reasons"].as_str().unwrap().contains(reason), "{sent:?}");
     }
     assert!(!sent.contains_key("refused_taps"), "{sent:?}");
@@ -177,7 +177,7 @@ fn who_looks_at_the_line_learns_why_taps_lack() {
     let cause =
         format!("{count} of {count} planned taps were refused: not a WAV file: it does not start with RIFF and WAVE");
     let shown = sandbox.run("status --out out").expect(0).out;
-    assert!(shown.contains(&format!("B/2 RE-INSPECT  {cause}")) && !shown.contains("features_absent"), "{shown}");
+    assert!(shown.contains(&format!("B/2 RE-INSPECT  {cause}")) && !shown.contains("discriminators_absent"), "{shown}");
     let status = sandbox.run("status --out out --json").json(0);
     assert_eq!(status["verdicts"][0]["shoulders"][1]["refused_taps"]["text"], cause);
     assert_eq!(status["stations"][0]["tally"]["since_ns"], verdict["at_ns"]);
@@ -233,8 +233,8 @@ fn the_page_says_what_lasts() {
     let alarms: Vec<Value> = [alarm(0, "over: ended".to_owned())].into_iter().chain(lasting).chain([old]).collect();
     let shoulder = json!({
         "tyre": "K-9", "shoulder": 1, "verdict": "RE-INSPECT", "arcs": [], "flags": {},
-        "reasons": "taps_refused|features_absent|level_off",
-        "refused_taps": { "text": "3 of 4 planned taps were refused: it was taken away", "covers": "taps_refused|features_absent" },
+        "reasons": "taps_refused|discriminators_absent|level_off",
+        "refused_taps": { "text": "3 of 4 planned taps were refused: it was taken away", "covers": "taps_refused|discriminators_absent" },
     });
     let verdict = json!({
         "casing": "K-9", "station": 1, "verdict": "RE-INSPECT", "at_ns": at_ns, "file": "out/K-9.h5", "shoulders": [shoulder],

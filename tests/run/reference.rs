@@ -174,7 +174,7 @@ fn a_shoulder_without_its_recordings_leaves_the_other_alone() {
         assert_eq!(of_shoulder("C3/1", lost), whole);
         let (_, verdict, reasons) = of_shoulder("C3/2", lost);
         assert_eq!(verdict, "RE-INSPECT");
-        assert!(reasons.contains("taps_refused") && reasons.contains("features_absent"), "{lost}: {reasons}");
+        assert!(reasons.contains("taps_refused") && reasons.contains("discriminators_absent"), "{lost}: {reasons}");
         assert!(lost != "all" || !reasons.contains("level_unknown"), "the reference has levels: {reasons}");
     }
 }

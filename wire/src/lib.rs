@@ -81,7 +81,7 @@ pub use plan::parts::{PlannedTap, Purpose, Recording, Scan, Truth};
 pub use plan::{Plan, PlanError, scans_of};
 pub use record::calibration::{Calibration, Certificate, ChannelCalibration, METHOD_BYTES_MAX, Unit};
 pub use record::damage::{DamageCell, Judgement, Verdict};
-pub use record::discriminators::{Direction, Discriminator, Discriminators, Feature, Values};
+pub use record::discriminators::{Direction, Discriminator, Discriminators, RecordPart, Values};
 pub use record::flags::{Quality, Reasons};
 pub use record::id::{Geometry, IdError, SERIAL_BYTES, Serial, TapId, is_unseen};
 pub use record::stamp::{OVER, RecordKind, Stamp, Stamped};

@@ -1,4 +1,4 @@
-//! Whether a scan gave all that it should: a sensor may be dead or stuck, or a location without its features.
+//! Whether a scan gave all that it should: a sensor may be dead or stuck, or a location without its discriminators.
 
 use tapline_wire::Discriminator;
 
@@ -16,7 +16,7 @@ impl Fusion {
     /// from more than half of the planned taps, or one and the same at more than half of those that have it; or a location
     /// lacks more than half of what its taps should have given, or two neighbours one discriminator of most of their taps, in all taps
     /// or in those at the belt edge, where cracks begin.
-    pub(super) fn lacks_features(&self, scan: usize) -> bool {
+    pub(super) fn lacks_discriminators(&self, scan: usize) -> bool {
         let asked = self.asked();
         let values = |which: Discriminator| -> Vec<f64> {
             let seen = self.rows_entering(scan).filter_map(|row| self.seen[row as usize].as_ref());

@@ -38,12 +38,12 @@ impl Fusion {
         if self.groups.reference(scan).contains(&scan) {
             reasons.insert(Reasons::SELF_REFERENCE);
         }
-        if self.lacks_features(scan) {
-            reasons.insert(Reasons::FEATURES_ABSENT);
+        if self.lacks_discriminators(scan) {
+            reasons.insert(Reasons::DISCRIMINATORS_ABSENT);
         }
         // What another shoulder lacks does not matter here, unless this one is compared with it.
-        if self.groups.reference(scan).iter().any(|&other| other != scan && self.lacks_features(other)) {
-            reasons.insert(Reasons::REFERENCE_LACKS_FEATURES);
+        if self.groups.reference(scan).iter().any(|&other| other != scan && self.lacks_discriminators(other)) {
+            reasons.insert(Reasons::REFERENCE_INCOMPLETE);
         }
         let scans = self.plan.scans();
         if self.plan.geometry == Geometry::Ring {

@@ -142,9 +142,9 @@ fn a_force_gain_that_changes_between_turns() {
 /// Catches a block of locations without a force that passes because the sound is there.
 #[test]
 fn a_force_that_is_missing_in_a_block() {
-    assert!(told(Reasons::FEATURES_ABSENT, "nothing", |_| ()).iter().all(|share| *share <= 0.01));
+    assert!(told(Reasons::DISCRIMINATORS_ABSENT, "nothing", |_| ()).iter().all(|share| *share <= 0.01));
     for width in [2, 10, 30] {
-        let shares = told(Reasons::FEATURES_ABSENT, &format!("no force at {width} locations"), |tap| {
+        let shares = told(Reasons::DISCRIMINATORS_ABSENT, &format!("no force at {width} locations"), |tap| {
             if (20..20 + width).contains(&tap.id.location) {
                 use Discriminator::{A1, A2, FMax, Tau};
                 [FMax, Tau, A1, A2].iter().for_each(|&which| tap.values.set(which, None));

@@ -1,7 +1,7 @@
-//! Quality flags: what is wrong with a tap, and what happens to the affected features.
+//! Quality flags: what is wrong with a tap, and what happens to the affected discriminators.
 //!
 //! A rule is a pure function of one record, its header and the configuration, so flags do not depend on earlier taps.
-//! Where a record breaks a rule, its flag is raised; the [`Policy`] of the flag decides whether the affected features are
+//! Where a record breaks a rule, its flag is raised; the [`Policy`] of the flag decides whether the affected discriminators are
 //! dropped, or kept with the flag, and whether the tap is taken again.
 
 mod flat;
@@ -19,13 +19,13 @@ pub(crate) use still::stands_still;
 use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
-use tapline_wire::{Discriminator, Discriminators, Feature, Quality, TapHeader};
+use tapline_wire::{Discriminator, Discriminators, Quality, RecordPart, TapHeader};
 
 use crate::Error;
 use crate::signal::extent::Extent;
 use crate::signal::record::Count;
 
-/// What happens to the features that a flag affects.
+/// What happens to the discriminators that a flag affects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Policy {
@@ -35,7 +35,7 @@ pub enum Policy {
     Drop,
     /// They are dropped, and the tap is taken again if its source can.
     Retake,
-    /// The tap is taken again if its source can. If the flag is raised again, the features are kept: a repeated effect
+    /// The tap is taken again if its source can. If the flag is raised again, the discriminators are kept: a repeated effect
     /// is due to the casing.
     RetakeOrKeep,
 }
@@ -47,15 +47,15 @@ impl Policy {
 }
 
 /// Defines [`QualityConfig`]. A threshold has its default and its bound, in words and as a condition on its value and the whole table.
-/// A policy has its default, its flags, and the features that are absent if the policy has dropped something for the flag.
+/// A policy has its default, its flags, and the discriminators that are absent if the policy has dropped something for the flag.
 macro_rules! quality_config {
     (
         thresholds { $($(#[$threshold_doc:meta])* $threshold:ident = $value:literal, $bound:literal: $is_good:expr;)* }
-        policies { $($(#[$policy_doc:meta])* $policy:ident = $default:ident, $($flag:ident drops $features:expr),+;)* }
+        policies { $($(#[$policy_doc:meta])* $policy:ident = $default:ident, $($flag:ident drops $discriminators:expr),+;)* }
     ) => {
         /// The `[process.quality]` table: thresholds of the flags, and their policies.
         ///
-        /// By default a flag drops a feature whose value would be wrong, and keeps one that is only less certain.
+        /// By default a flag drops a discriminator whose value would be wrong, and keeps one that is only less certain.
         #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
         #[serde(default, deny_unknown_fields)]
         pub struct QualityConfig {
@@ -90,10 +90,10 @@ macro_rules! quality_config {
                 Ok(())
             }
 
-            /// Each flag with its policy, and the features that show whether the policy has dropped something.
+            /// Each flag with its policy, and the discriminators that show whether the policy has dropped something.
             fn policies(&self) -> impl Iterator<Item = (Quality, Policy, &'static [Discriminator])> {
                 use Discriminator::{A2, FMax, Pr};
-                [$($((Quality::$flag, self.$policy, &$features as &[_])),+),*].into_iter()
+                [$($((Quality::$flag, self.$policy, &$discriminators as &[_])),+),*].into_iter()
             }
         }
     };
@@ -133,27 +133,27 @@ quality_config! {
     policies {
         /// A clipped force affects F_max and tau, and with them A_1 and A_2.
         clipped_force = Retake, CLIPPED drops [FMax];
-        /// A clipped sound affects its six features; kept, because the power ratio still separated cracked from sound slabs.
+        /// A clipped sound affects the six discriminators of the sound; kept, because the power ratio still separated cracked from sound slabs.
         clipped_sound = Keep, CLIPPED drops [Pr];
         /// A late trigger affects F_max, tau, A_1 and A_2, and the powers if the record begins within the pulse.
         late_trigger = Retake, LATE_TRIGGER drops [FMax, A2];
-        /// A second hit affects every feature: which hit a value belongs to is not known.
+        /// A second hit affects every discriminator: which hit a value belongs to is not known.
         double_hit = Retake, DOUBLE_HIT drops [FMax];
         /// Too few samples of the pulse affect F_max, tau, A_1 and A_2; too low a rate for the bands affects those of the spectrum.
         undersampled = Drop, UNDERSAMPLED drops [FMax, Pr];
-        /// Hum affects the features of its channel.
+        /// Hum affects the discriminators of its channel.
         hum = Keep, HUM drops [FMax, Pr];
-        /// Noise affects the features of its channel.
+        /// Noise affects the discriminators of its channel.
         low_snr = Keep, LOW_SNR drops [FMax, Pr];
-        /// Another station's tap affects A_2 and the features of the spectrum, and A_1 too if it came first.
+        /// Another station's tap affects A_2 and the powers, and A_1 too if it came first.
         neighbour = RetakeOrKeep, NEIGHBOUR drops [Pr];
-        /// A velocity that is off affects every feature that depends on it: all but PR.
+        /// A velocity that is off affects every discriminator that depends on it: all but PR.
         velocity_off = Keep, VELOCITY_OFF drops [FMax, A2];
-        /// A record that is cut affects A_2 and the features of the spectrum.
+        /// A record that is cut affects A_2 and the powers.
         cut = Retake, CUT drops [Pr];
-        /// A dropout affects the features of its channel.
+        /// A dropout affects the discriminators of its channel.
         dropout = Retake, DROPOUT drops [FMax, Pr];
-        /// Swapped channels affect every feature.
+        /// Swapped channels affect every discriminator.
         swapped = Retake, SWAPPED drops [Pr];
         /// A sound that does not belong to the force's clock affects the areas.
         sound_late = Retake, SOUND_LATE drops [A2];
@@ -161,31 +161,31 @@ quality_config! {
         spike = Retake, SPIKE drops [FMax];
         /// A wrong sample rate affects all but F_max.
         rate_implausible = Keep, RATE_IMPLAUSIBLE drops [Pr];
-        /// No pulse, no onset or a sample that is not a number: the features that need it are absent under any policy.
+        /// No pulse, no onset or a sample that is not a number: the discriminators that need it are absent under any policy.
         no_signal = Retake, NON_FINITE drops Discriminator::ALL, NO_PULSE drops [FMax], NO_ONSET drops [A2];
     }
 }
 
 impl QualityConfig {
     /// Whether the tap that gave `found` is to be taken again: one of its flags has the policy [`Policy::RetakeOrKeep`], or
-    /// has [`Policy::Retake`] and has dropped a feature. A trigger that is late only by its mark, for example, drops nothing.
+    /// has [`Policy::Retake`] and has dropped a discriminator. A trigger that is late only by its mark, for example, drops nothing.
     pub fn wants_retake(&self, found: &Discriminators) -> bool {
-        self.policies().any(|(flag, policy, features)| {
-            let has_dropped = || features.iter().any(|&which| found.values.get(which).is_none());
+        self.policies().any(|(flag, policy, discriminators)| {
+            let has_dropped = || discriminators.iter().any(|&which| found.values.get(which).is_none());
             let is_wanted = policy == Policy::RetakeOrKeep || (policy == Policy::Retake && has_dropped());
             is_wanted && found.quality.contains(flag)
         })
     }
 }
 
-/// The features of the sound.
-pub(crate) static OF_SOUND: LazyLock<Vec<Discriminator>> = LazyLock::new(|| all_with(|of| of != Feature::Pulse));
-/// The features of the sound's spectrum.
+/// The discriminators of the sound.
+pub(crate) static OF_SOUND: LazyLock<Vec<Discriminator>> = LazyLock::new(|| all_with(|of| of != RecordPart::Pulse));
+/// The powers: the discriminators of the spectrum of the sound.
 pub(crate) static OF_SPECTRUM: LazyLock<Vec<Discriminator>> =
-    LazyLock::new(|| all_with(|of| of == Feature::SoundSpectrum));
+    LazyLock::new(|| all_with(|of| of == RecordPart::SoundSpectrum));
 
-fn all_with(is_wanted: impl Fn(Feature) -> bool) -> Vec<Discriminator> {
-    Discriminator::ALL.into_iter().filter(|which| is_wanted(which.feature())).collect()
+fn all_with(is_wanted: impl Fn(RecordPart) -> bool) -> Vec<Discriminator> {
+    Discriminator::ALL.into_iter().filter(|which| is_wanted(which.part())).collect()
 }
 
 /// Smallest [`balance`] of a channel that rings, and greatest of a pulse.

@@ -4,7 +4,7 @@ use tapline_wire::{Discriminator, Discriminators, Quality};
 
 use super::Policy;
 
-/// The flags raised on a record, and the features that are dropped for them.
+/// The flags raised on a record, and the discriminators that are dropped for them.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct QualityReport {
     flags: Quality,
@@ -18,7 +18,7 @@ impl QualityReport {
         self.flags
     }
 
-    /// The first flag for which the pulse, and every feature that needs it, is dropped.
+    /// The first flag for which the pulse, and every discriminator that needs it, is dropped.
     pub(crate) fn pulse_dropped_for(&self) -> Option<Quality> {
         self.pulse_dropped_for
     }
@@ -28,15 +28,15 @@ impl QualityReport {
         self.flags.insert(flag);
     }
 
-    /// Raises `flag` and, if its `policy` says so, drops `features`.
-    pub(crate) fn raise(&mut self, flag: Quality, policy: Policy, features: &[Discriminator]) {
+    /// Raises `flag` and, if its `policy` says so, drops `discriminators`.
+    pub(crate) fn raise(&mut self, flag: Quality, policy: Policy, discriminators: &[Discriminator]) {
         self.flags.insert(flag);
         if policy.drops() {
-            features.iter().for_each(|&which| self.dropped[which as usize] = true);
+            discriminators.iter().for_each(|&which| self.dropped[which as usize] = true);
         }
     }
 
-    /// Raises `flag` and, if its `policy` says so, drops the pulse and every feature that needs it.
+    /// Raises `flag` and, if its `policy` says so, drops the pulse and every discriminator that needs it.
     pub(crate) fn raise_on_pulse(&mut self, flag: Quality, policy: Policy) {
         self.flags.insert(flag);
         if policy.drops() && self.pulse_dropped_for.is_none() {
@@ -44,7 +44,7 @@ impl QualityReport {
         }
     }
 
-    /// Adds the flags to `found` and removes the dropped features from it.
+    /// Adds the flags to `found` and removes the dropped discriminators from it.
     pub(crate) fn apply(&self, found: &mut Discriminators) {
         found.quality.insert(self.flags);
         for which in Discriminator::ALL.into_iter().filter(|&which| self.dropped[which as usize]) {
@@ -55,12 +55,12 @@ impl QualityReport {
 
 #[cfg(test)]
 mod tests {
-    use tapline_wire::Feature;
+    use tapline_wire::RecordPart;
 
     use super::super::{OF_SOUND, OF_SPECTRUM};
     use super::*;
 
-    /// Catches features dropped under `keep`, and a first reason that a later one replaces.
+    /// Catches discriminators dropped under `keep`, and a first reason that a later one replaces.
     #[test]
     fn policies_are_heeded() {
         let mut report = QualityReport::default();
@@ -75,7 +75,7 @@ mod tests {
         report.apply(&mut found);
         assert_eq!(
             Discriminator::ALL.map(|which| found.values.get(which).is_some()),
-            Discriminator::ALL.map(|which| which.feature() != Feature::SoundSpectrum)
+            Discriminator::ALL.map(|which| which.part() != RecordPart::SoundSpectrum)
         );
         assert_eq!(found.quality.to_string(), "clipped|late_trigger|double_hit|hum|neighbour");
     }

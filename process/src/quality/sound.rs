@@ -60,7 +60,7 @@ pub(crate) struct SoundRecord<'a, C, T> {
     /// Whether the distance from impact to microphone is known.
     pub has_distance: bool,
     pub sample_rate_hz: f64,
-    /// Highest frequency that a feature uses, Hz.
+    /// Highest frequency that a discriminator uses, Hz.
     pub f_top_hz: f64,
     /// Flags that the tap has already.
     pub known: Quality,

@@ -1,7 +1,7 @@
 //! Laws of any tap: how values depend on the scale, the trigger and the order of channels.
 
 use tapline_process::{Extractor, Precision, ProcessConfig, ProcessExtractor};
-use tapline_wire::{Channel, Discriminator, Feature, Quality, Samples, TapId};
+use tapline_wire::{Channel, Discriminator, Quality, RecordPart, Samples, TapId};
 
 use crate::reference::CASES;
 use crate::signal::{Case, Recorded, assert_close, values};
@@ -10,9 +10,9 @@ fn tap() -> Case {
     Case { noise: 0.0, count: 8192, ..CASES[0].0 }
 }
 
-/// 1 for discriminators computed from one of `features`, 0 for the others.
-fn only(features: &[Feature]) -> [u8; Discriminator::COUNT] {
-    Discriminator::ALL.map(|which| features.contains(&which.feature()).into())
+/// 1 for discriminators computed from one of `parts`, 0 for the others.
+fn only(parts: &[RecordPart]) -> [u8; Discriminator::COUNT] {
+    Discriminator::ALL.map(|which| parts.contains(&which.part()).into())
 }
 
 /// Catches a scale that is left out or applied twice: F_max, A_1, A_2 are linear in it, P_f, E_f quadratic.
@@ -174,35 +174,38 @@ fn bad_channels_take_only_their_own_values() {
     assert_eq!(present(&|_, _| {}), ([1; Discriminator::COUNT], Quality::default()));
     assert_eq!(
         present(&|_, x| x[..n].fill(0.0)),
-        (only(&[Feature::SoundSpectrum]), Quality::NO_FORCE | Quality::NO_PULSE)
+        (only(&[RecordPart::SoundSpectrum]), Quality::NO_FORCE | Quality::NO_PULSE)
     );
-    assert_eq!(present(&|_, x| x[n..].fill(0.25)), (only(&[Feature::Pulse]), Quality::NO_SOUND | Quality::NO_ONSET));
-    assert_eq!(present(&|_, x| x[5000] = f32::NAN), (only(&[Feature::SoundSpectrum]), Quality::NON_FINITE));
-    assert_eq!(present(&|_, x| x[n + 5000] = f32::INFINITY), (only(&[Feature::Pulse]), Quality::NON_FINITE));
+    assert_eq!(present(&|_, x| x[n..].fill(0.25)), (only(&[RecordPart::Pulse]), Quality::NO_SOUND | Quality::NO_ONSET));
+    assert_eq!(present(&|_, x| x[5000] = f32::NAN), (only(&[RecordPart::SoundSpectrum]), Quality::NON_FINITE));
+    assert_eq!(present(&|_, x| x[n + 5000] = f32::INFINITY), (only(&[RecordPart::Pulse]), Quality::NON_FINITE));
     assert_eq!(
         present(&|h, _| h.channels[1].unit_per_count = f64::NAN),
-        (only(&[Feature::Pulse]), Quality::NON_FINITE)
+        (only(&[RecordPart::Pulse]), Quality::NON_FINITE)
     );
     assert_eq!(present(&|h, _| h.channels[1].unit_per_count = 0.0).1, Quality::NO_SOUND | Quality::NO_ONSET);
     assert_eq!(
         present(&|h, _| h.channels[0].unit_per_count = 0.0),
-        (only(&[Feature::SoundSpectrum]), Quality::NO_PULSE)
+        (only(&[RecordPart::SoundSpectrum]), Quality::NO_PULSE)
     );
     assert_eq!(
         present(&|h, _| h.channels[0].unit_per_count = -1.0),
-        (only(&[Feature::SoundSpectrum]), Quality::NO_PULSE)
+        (only(&[RecordPart::SoundSpectrum]), Quality::NO_PULSE)
     );
-    assert_eq!(present(&|h, _| h.channels[1].code = 0), (only(&[Feature::Pulse]), Quality::NO_SOUND));
+    assert_eq!(present(&|h, _| h.channels[1].code = 0), (only(&[RecordPart::Pulse]), Quality::NO_SOUND));
     assert_eq!(present(&|h, _| h.channels[0].code = Channel::Sound.code()).1, Quality::NO_FORCE);
-    assert_eq!(present(&|h, _| h.pre_trigger_samples = 1), (only(&[Feature::SoundSpectrum]), Quality::NO_BASELINE));
-    assert_eq!(present(&|h, _| h.pre_trigger_samples = 9000), (only(&[Feature::SoundSpectrum]), Quality::NO_BASELINE));
+    assert_eq!(present(&|h, _| h.pre_trigger_samples = 1), (only(&[RecordPart::SoundSpectrum]), Quality::NO_BASELINE));
+    assert_eq!(
+        present(&|h, _| h.pre_trigger_samples = 9000),
+        (only(&[RecordPart::SoundSpectrum]), Quality::NO_BASELINE)
+    );
     assert_eq!(
         present(&|h, _| h.microphone_distance_m = f64::NAN),
-        (only(&[Feature::Pulse, Feature::SoundSpectrum]), Quality::NO_ONSET)
+        (only(&[RecordPart::Pulse, RecordPart::SoundSpectrum]), Quality::NO_ONSET)
     );
     assert_eq!(
         present(&|h, _| h.microphone_distance_m = -9.0),
-        (only(&[Feature::Pulse, Feature::SoundSpectrum]), Quality::NO_ONSET)
+        (only(&[RecordPart::Pulse, RecordPart::SoundSpectrum]), Quality::NO_ONSET)
     );
     assert_eq!(present(&|h, _| h.sample_rate_hz = 500.0).1.to_string(), "no_band|undersampled|rate_implausible");
     assert_eq!(present(&|h, _| h.sample_rate_hz = f64::NAN), ([0; Discriminator::COUNT], Quality::REFUSED));

@@ -30,7 +30,7 @@ impl Direction {
 
 /// The part of a record from which a discriminator is computed: a fault in that part spoils it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Feature {
+pub enum RecordPart {
     /// The pulse of the force.
     Pulse,
     /// An area of the sound over time.
@@ -55,7 +55,7 @@ struct Attributes {
     /// In words.
     meaning: &'static str,
     /// The part of the record that it is computed from.
-    feature: Feature,
+    part: RecordPart,
     /// The channels that it is computed from.
     channels: &'static [Channel],
     /// Which way it moves where there is a crack, unless a configuration says otherwise.
@@ -104,44 +104,44 @@ discriminators! {
     /// Peak force, N where the force is scaled.
     FMax {
         name: "f_max", column: "f_max", unit: UnitOf::Scaled(Channel::Force, Power::First, ""), symbol: "F_max", printed: "F_max",
-        meaning: "peak force", feature: Feature::Pulse, channels: &[Channel::Force], direction: Direction::Falls,
+        meaning: "peak force", part: RecordPart::Pulse, channels: &[Channel::Force], direction: Direction::Falls,
     }
     /// Contact time, s.
     Tau {
         name: "tau", column: "tau_s", unit: UnitOf::Fixed("s", 1e3, "ms"), symbol: "tau", printed: "\u{3c4}",
-        meaning: "contact time", feature: Feature::Pulse, channels: &[Channel::Force], direction: Direction::Rises,
+        meaning: "contact time", part: RecordPart::Pulse, channels: &[Channel::Force], direction: Direction::Rises,
     }
     /// Initial area of the sound, V s or Pa s where it is scaled.
     A1 {
         name: "a_1", column: "a_1", unit: UnitOf::Scaled(Channel::Sound, Power::First, " s"), symbol: "A_1", printed: "A\u{2081}",
-        meaning: "initial area of the sound", feature: Feature::SoundArea, channels: &[Channel::Force, Channel::Sound], direction: Direction::Rises,
+        meaning: "initial area of the sound", part: RecordPart::SoundArea, channels: &[Channel::Force, Channel::Sound], direction: Direction::Rises,
     }
     /// Ringing area of the sound, V s or Pa s where it is scaled.
     A2 {
         name: "a_2", column: "a_2", unit: UnitOf::Scaled(Channel::Sound, Power::First, " s"), symbol: "A_2", printed: "A\u{2082}",
-        meaning: "ringing area of the sound", feature: Feature::SoundArea, channels: &[Channel::Sound], direction: Direction::Rises,
+        meaning: "ringing area of the sound", part: RecordPart::SoundArea, channels: &[Channel::Sound], direction: Direction::Rises,
     }
     /// Power ratio, dimensionless.
     ///
     /// Deviation: sections 5.4.3-5.4.4 treat it as falling; Table 13 and recorded taps say that it rises.
     Pr {
         name: "pr", column: "pr", unit: UnitOf::Fixed("1", 1.0, ""), symbol: "PR", printed: "PR",
-        meaning: "power ratio", feature: Feature::SoundSpectrum, channels: &[Channel::Sound], direction: Direction::Rises,
+        meaning: "power ratio", part: RecordPart::SoundSpectrum, channels: &[Channel::Sound], direction: Direction::Rises,
     }
     /// Largest flexural power density, V^2/Hz or Pa^2/Hz where the sound is scaled.
     Pf {
         name: "p_f", column: "p_f", unit: UnitOf::Scaled(Channel::Sound, Power::Second, "/Hz"), symbol: "P_f", printed: "P_f",
-        meaning: "largest flexural density", feature: Feature::SoundSpectrum, channels: &[Channel::Sound], direction: Direction::Rises,
+        meaning: "largest flexural density", part: RecordPart::SoundSpectrum, channels: &[Channel::Sound], direction: Direction::Rises,
     }
     /// Flexural energy, V^2 or Pa^2 where the sound is scaled.
     Ef {
         name: "e_f", column: "e_f", unit: UnitOf::Scaled(Channel::Sound, Power::Second, ""), symbol: "E_f", printed: "E_f",
-        meaning: "flexural energy", feature: Feature::SoundSpectrum, channels: &[Channel::Sound], direction: Direction::Rises,
+        meaning: "flexural energy", part: RecordPart::SoundSpectrum, channels: &[Channel::Sound], direction: Direction::Rises,
     }
     /// Spectral centroid of the sound, Hz; none of the source's seven.
     Centroid {
         name: "centroid", column: "centroid_hz", unit: UnitOf::Fixed("Hz", 1.0, "Hz"), symbol: "centroid", printed: "centroid",
-        meaning: "spectral centroid of the sound", feature: Feature::SoundSpectrum, channels: &[Channel::Sound],
+        meaning: "spectral centroid of the sound", part: RecordPart::SoundSpectrum, channels: &[Channel::Sound],
         direction: Direction::Rises,
     }
 }
@@ -202,8 +202,8 @@ impl Discriminator {
     }
 
     /// The part of the record that it is computed from.
-    pub fn feature(self) -> Feature {
-        self.attributes().feature
+    pub fn part(self) -> RecordPart {
+        self.attributes().part
     }
 
     /// The channels that it is computed from; A_2 and the powers need only the sound.

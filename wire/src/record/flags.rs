@@ -52,7 +52,7 @@ macro_rules! flags {
 }
 
 flags! {
-    /// What is wrong with a tap: why features may be absent or doubtful.
+    /// What is wrong with a tap: why discriminators may be absent or doubtful.
     Quality {
         REFUSED = 0, "refused": "refused before it was analysed";
         NON_FINITE = 1, "non_finite": "a sample is not a number";
@@ -95,7 +95,7 @@ flags! {
             "The damage index could not be formed: no usable discriminator or reference, or too few locations for limits.";
         SELF_REFERENCE = 7, "self_reference":
             "Compared with itself, not with a casing known to be sound: damage all round would not show.";
-        FEATURES_ABSENT = 8, "features_absent":
+        DISCRIMINATORS_ABSENT = 8, "discriminators_absent":
             "A discriminator that the index needs is absent, or always the same, at most taps or at a location.";
         NO_SOUND_MAJORITY = 9, "no_sound_majority":
             "More than half of the locations are suspect: another kind of casing than the reference, or damage all round.";
@@ -117,8 +117,8 @@ flags! {
             "This line does not pass casings without a valid calibration.";
         FLAGGED = 18, "flagged":
             "More than half of the taps have the same flag: its warning holds for the whole shoulder.";
-        REFERENCE_LACKS_FEATURES = 19, "reference_lacks_features":
-            "A discriminator is absent from a shoulder that this one is compared with: that one has features_absent.";
+        REFERENCE_INCOMPLETE = 19, "reference_incomplete":
+            "A discriminator is absent from a shoulder that this one is compared with: that one has discriminators_absent.";
         LEVEL_UNKNOWN = 20, "level_unknown":
             "How the levels of sound shoulders differ is not known: the reference has too few casings, or a discriminator is absent. Damage all round would not show.";
         NOT_COMPARABLE = 21, "not_comparable":

@@ -11,7 +11,7 @@ fn plan_of(casing: &Casing, channels: &[Channel]) -> Plan {
     Plan::new(plan.geometry, recording, plan.taps().to_vec(), Truth::new()).unwrap()
 }
 
-/// Verdict, and the reasons of absent features, for a casing that is its own reference; `spoil` has the number of each
+/// Verdict, and the reasons of absent discriminators, for a casing that is its own reference; `spoil` has the number of each
 /// tap that is no closing one, its name and its values. Of all scans, in their order.
 fn judged(
     casing: &Casing,
@@ -32,9 +32,9 @@ fn judged(
     (0..plan.scans().len()).map(of).collect()
 }
 
-const ABSENT: Reasons = Reasons::FEATURES_ABSENT.union(Reasons::REFERENCE_LACKS_FEATURES);
+const ABSENT: Reasons = Reasons::DISCRIMINATORS_ABSENT.union(Reasons::REFERENCE_INCOMPLETE);
 const PASS: (Verdict, Reasons) = (Verdict::Pass, Reasons::empty());
-const REPORTED: (Verdict, Reasons) = (Verdict::ReInspect, Reasons::FEATURES_ABSENT);
+const REPORTED: (Verdict, Reasons) = (Verdict::ReInspect, Reasons::DISCRIMINATORS_ABSENT);
 
 #[test]
 fn a_discriminator_that_most_taps_lack_is_reported() {
@@ -126,7 +126,7 @@ fn a_location_that_lacks_most_of_its_discriminators_is_reported() {
 }
 
 #[test]
-fn a_reference_that_lacks_features_is_reported() {
+fn a_reference_that_lacks_discriminators_is_reported() {
     // Catches a sound shoulder that passes by a reference half of which is dead, and people who are sent to its own sensors.
     let casing = Casing { shoulder_count: 2, ..Casing::default() };
     let found = judged(&casing, &Channel::BOTH, |_, id, values| {
@@ -134,5 +134,5 @@ fn a_reference_that_lacks_features_is_reported() {
             values.set(Discriminator::Pf, None);
         }
     });
-    assert_eq!(found, [(Verdict::ReInspect, Reasons::REFERENCE_LACKS_FEATURES), REPORTED]);
+    assert_eq!(found, [(Verdict::ReInspect, Reasons::REFERENCE_INCOMPLETE), REPORTED]);
 }
