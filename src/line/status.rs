@@ -195,7 +195,7 @@ fn write_verdicts(text: &mut String, status: &Status) -> fmt::Result {
         let file = file.strip_prefix(&status.out).unwrap_or(file).display();
         writeln!(text, "  {}  {verdict:<10} station {station}  {file}", moment(of_casing.at_ns))?;
         for shoulder in of_casing.shoulders.iter().filter(|shoulder| shoulder.verdict != Verdict::Pass) {
-            let why = shoulder.why(", ", &["extrapolated"]);
+            let why = shoulder.why(", ", &["extrapolated"], &[]);
             let words = [shoulder.places(), why].into_iter().filter(|words| !words.is_empty()).collect::<Vec<_>>();
             let ShoulderVerdict { tyre, shoulder, verdict, .. } = shoulder;
             writeln!(text, "    {tyre}/{shoulder} {verdict}  {}", words.join(", "))?;

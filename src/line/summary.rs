@@ -312,7 +312,7 @@ fn print(out: &mut impl io::Write, summary: &Summary) -> Result<()> {
     Ok(())
 }
 
-/// The verdicts as a table. Remarks that apply to all are printed once, below it, as are the numbers of a rig's signs.
+/// The verdicts as a table. Remarks that apply to all are printed once, below it, as are the numbers of a rig's signs, whose reasons stand bare in the rows.
 fn print_verdicts(out: &mut impl io::Write, verdicts: &[ShoulderVerdict], rig: &[StationSign]) -> Result<()> {
     let holds_for_all = |name: &str| verdicts.iter().all(|verdict| verdict.reasons.split('|').any(|r| r == name));
     // Flags have shares, which differ. A single shoulder has everything in its row.
@@ -334,7 +334,7 @@ fn print_verdicts(out: &mut impl io::Write, verdicts: &[ShoulderVerdict], rig: &
             }),
             line.peak_location.map_or_else(String::new, |l| l.to_string()),
             // With spaces between them, where lines may break.
-            line.without_details(&below(line.station)).why(", ", &common),
+            line.why(", ", &common, &below(line.station)),
         ]);
     }
     break_last_column(&mut table);

@@ -152,7 +152,7 @@ impl CasingVerdict {
     fn line(&self, shoulder: &ShoulderVerdict) -> String {
         // The line says at its start that its rates are extrapolated; only a shoulder that scatters more has limits of its own.
         let said: &[&str] = if shoulder.reasons.contains("scatter_off") { &[] } else { &["extrapolated"] };
-        let reasons = shoulder.why("|", said);
+        let reasons = shoulder.why("|", said, &[]);
         let mut line = shoulder.short();
         if let (Some(arc), Some(re_inspect), Some(reject)) =
             (shoulder.strongest_arc, shoulder.limit_re_inspect, shoulder.limit_reject)
@@ -238,22 +238,11 @@ impl ShoulderVerdict {
         format!("{verdict} {}/{}", self.tyre, self.shoulder)
     }
 
-    /// The same without the details of some reasons, which are printed elsewhere.
-    pub(crate) fn without_details(&self, reasons: &[&str]) -> Self {
-        let mut brief = self.clone();
-        if reasons.contains(&"scatter_off") {
-            brief.whole.scatter.clear();
-        }
-        if reasons.contains(&"level_off") {
-            brief.whole.level.clear();
-        }
-        brief
-    }
-
-    /// Its reasons except `but`, for people, with `between` them, each with its details; first why taps were refused, in place of the reasons
-    /// that follow from that.
-    pub(crate) fn why(&self, between: &str, but: &[&str]) -> String {
-        let with_detail = |reason: &str| match self.whole.detail(reason) {
+    /// Its reasons except `but`, for people, with `between` them, each with its details unless it is one of `bare`; first why taps were
+    /// refused, in place of the reasons that follow from that.
+    pub(crate) fn why(&self, between: &str, but: &[&str], bare: &[&str]) -> String {
+        let detail = |reason: &str| self.whole.detail(reason).filter(|_| !bare.contains(&reason));
+        let with_detail = |reason: &str| match detail(reason) {
             Some(detail) => format!("{reason}: {detail}"),
             None => reason.to_owned(),
         };

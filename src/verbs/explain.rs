@@ -292,7 +292,7 @@ impl fmt::Display for ShoulderExplanation {
         match verdict {
             None => writeln!(f, "shoulder   {name}: not judged")?,
             Some(verdict) => {
-                let reasons = Some(verdict.why(", ", &[])).filter(|reasons| !reasons.is_empty());
+                let reasons = Some(verdict.why(", ", &[], &[])).filter(|reasons| !reasons.is_empty());
                 let reasons = reasons.map_or_else(String::new, |reasons| format!(", for {reasons}"));
                 writeln!(f, "shoulder   {name}: {}{reasons}", verdict.verdict)?;
                 let number =

@@ -79,7 +79,9 @@ fn a_casing_that_does_not_turn_does_not_pass() {
     let said = run("still", 2, true, "sound.json").expect(0).out;
     let found = verdicts(&sandbox, "still");
     assert!(found.iter().all(|(_, verdict, why)| verdict == "RE-INSPECT" && why.contains("scatter_low")), "{found:?}");
-    assert!(said.contains("scatter_low: 0.") && said.contains(" times the reference's"), "{said}");
+    let sign = said.lines().find(|line| line.trim_start().starts_with("station 1: scatter_low on "));
+    assert!(sign.is_some_and(|sign| sign.contains(": 0.") && sign.ends_with(" times the reference's")), "{said}");
+    assert!(!said.contains("scatter_low: "), "its number stands once, below the table: {said}");
     run("turned", 3, false, "sound.json").expect(0);
     let found = verdicts(&sandbox, "turned");
     assert!(found.iter().all(|(_, _, why)| !why.contains("scatter_low")), "{found:?}");

@@ -105,7 +105,13 @@ pub(super) fn columns<'a>(name: Option<&str>) -> Vec<Column<CasingRow<'a>>> {
             let has_it = recording(row).channels.contains(&channel);
             has_it.then(|| recording(row).calibration.unit(channel).name().to_owned())
         };
-        let certificate = move |row: &Row<'_>| recording(row).calibration.of(channel).certificate.clone();
+        // Computed samples need no calibration: theirs has no day.
+        let is_computed = move |row: &Row<'_>| {
+            recording(row).calibration.of(channel) == tapline_wire::Calibration::computed().of(channel)
+        };
+        let certificate = move |row: &Row<'_>| {
+            recording(row).calibration.of(channel).certificate.clone().filter(|_| !is_computed(row))
+        };
         let name = |what: &str| format!("{}_{what}", channel.name());
         columns.extend([
             Column::text(&name("unit"), unit),

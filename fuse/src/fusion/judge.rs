@@ -273,7 +273,7 @@ impl<'a> View<'a> {
         }
         self.fill_index(judgement, cells);
         self.judge_arcs(geometry, judgement, cells);
-        self.judge_scatter(judgement);
+        self.judge_scatter(geometry, judgement);
         self.judge_level(config, geometry, other, judgement, cells);
     }
 
@@ -330,7 +330,7 @@ impl<'a> View<'a> {
     }
 
     /// Fills in how far the places of the shoulder differ, compared with those of the reference.
-    fn judge_scatter(&self, judgement: &mut Judgement) {
+    fn judge_scatter(&self, geometry: Geometry, judgement: &mut Judgement) {
         let (reference, scores) = self.named;
         // A casing that is its own reference has the scatter of that.
         for (&(which, _), &scatter) in reference.setup.discriminators.iter().zip(&scores.scatter) {
@@ -339,7 +339,9 @@ impl<'a> View<'a> {
         if self.is_scatter_off {
             judgement.reasons.insert(Reasons::SCATTER_OFF);
         }
-        if reference.scatter_limits.as_ref().is_some_and(|limits| limits.are_undercut(scores)) {
+        // A line does not turn.
+        let is_low = || reference.scatter_limits.as_ref().is_some_and(|limits| limits.are_undercut(scores));
+        if geometry == Geometry::Ring && is_low() {
             judgement.reasons.insert(Reasons::SCATTER_LOW);
         }
         if self.is_scatter_off && self.fitted.setup.is_own {

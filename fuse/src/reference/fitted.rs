@@ -60,8 +60,8 @@ impl FittedReference {
         let place_count = shoulders.first()?.place_count();
         let scatter_limits = match casing_count {
             0 => None,
-            1 => ScatterLimits::by(&scores.iter().collect::<Vec<_>>(), place_count),
-            _ => ScatterLimits::by(&left_out.iter().map(|of| &of.scores).collect::<Vec<_>>(), place_count),
+            1 => ScatterLimits::by(&scores.iter().collect::<Vec<_>>(), place_count, 1),
+            count => ScatterLimits::by(&left_out.iter().map(|of| &of.scores).collect::<Vec<_>>(), place_count, count),
         };
         // For shoulders with labels, the one that shows most: another may have no sound place.
         let shown = |scores: &Scores| scores.by_offset.iter().flatten().filter(|scores| has_value(scores)).count();
@@ -110,13 +110,17 @@ pub(crate) struct ScatterLimits {
     mean: f64,
     /// Limit of the same that no sound shoulder exceeds.
     far: f64,
-    /// Limit of the same that no sound shoulder falls below.
+    /// Limit of the same that sound shoulders do not fall below; 0 if the reference has too few casings to show it.
     low: f64,
 }
 
+/// Fewest casings that show how little a sound shoulder may scatter.
+const LOW_CASINGS_MIN: usize = 3;
+
 impl ScatterLimits {
-    /// The limits from the scatter of a reference's shoulders, with `place_count` places each; `None` if the index does not measure it.
-    fn by(shoulders: &[&Scores], place_count: usize) -> Option<Self> {
+    /// The limits from the scatter of the shoulders of `casing_count` casings, with `place_count` places each; `None` if the index does
+    /// not measure it.
+    fn by(shoulders: &[&Scores], place_count: usize, casing_count: usize) -> Option<Self> {
         // From a few shoulders it may come out too small: one turn of so many places gives its scatter no better.
         let sd_min = 0.8 / (place_count as f64).sqrt();
         let mean_and_sd = |of: &dyn Fn(&Scores) -> f64| {
@@ -129,13 +133,15 @@ impl ScatterLimits {
         let of_discriminator = |d: usize| {
             mean_and_sd(&|scores: &Scores| scores.scatter[d]).map_or(f64::INFINITY, |(mean, sd)| mean + 2.5 * sd)
         };
-        // By logarithms: a scatter is never below 0, whatever its standard deviation.
-        let (half, rarely_less) = (0.5 * mean, mean * (-4.0 * sd / mean).exp());
+        // By logarithms: a scatter is never below 0, whatever its standard deviation. The mean itself is uncertain too.
+        let sd_beside_mean = sd * (1.0 + 1.0 / shoulders.len() as f64).sqrt();
+        let (half, rarely_less) = (0.5 * mean, mean * (-4.0 * sd_beside_mean / mean).exp());
+        let low = if half < rarely_less { half } else { rarely_less };
         Some(Self {
             of_discriminators: (0..shoulders.first()?.scatter.len()).map(of_discriminator).collect(),
             mean: mean + 2.0 * sd,
             far: if half_more > rare { half_more } else { rare },
-            low: if half < rarely_less { half } else { rarely_less },
+            low: if casing_count < LOW_CASINGS_MIN { 0.0 } else { low },
         })
     }
 
@@ -150,7 +156,7 @@ impl ScatterLimits {
             || scores.scatter.iter().zip(&self.of_discriminators).any(|(x, limit)| x > limit)
     }
 
-    /// Whether it scatters less than any sound one: perhaps one place was tapped again and again.
+    /// Whether it scatters less than sound ones do: perhaps one place was tapped again and again.
     pub(crate) fn are_undercut(&self, scores: &Scores) -> bool {
         scores.mean_scatter() < self.low
     }

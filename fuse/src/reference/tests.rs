@@ -423,6 +423,16 @@ fn a_casing_of_one_place_does_not_pass() {
     let even = (0..4).flat_map(|k| shoulders_of(&still, k, false, &format!("B{k}")));
     let unlike = set_of(shoulders_of_all(&turning, 4).into_iter().chain(even).collect());
     assert!((0..10).all(|seed| !judged(&unlike, &still, seed).1));
+    // Two casings do not show it.
+    assert!((0..10).all(|seed| !judged(&set_of(shoulders_of_all(&turning, 2)), &still, seed).1));
+    // Nor does a line turn.
+    let mut lines = shoulders_of_all(&turning, 8);
+    lines.iter_mut().for_each(|shoulder| shoulder.geometry = Geometry::Line);
+    let ring = still.plan();
+    let plan = Plan::new(Geometry::Line, ring.recording.clone(), ring.taps().to_vec(), ring.truth().clone()).unwrap();
+    let records = records(&still, &plan, 0);
+    let judgement = whole_by(&file(), &plan, Some(&Arc::new(set_of(lines))), &records).judge(0).unwrap().0;
+    assert!(judgement.scatter.iter().any(|times| *times < 0.5) && !judgement.reasons.contains(Reasons::SCATTER_LOW));
 }
 
 #[test]

@@ -40,6 +40,6 @@ pub fn experiment(out: &Path, seed: u64, written: WrittenArgs) -> Result<()> {
     files.push((out.join("claims.csv"), claims::csv(&claims)?));
     let titles: Vec<(&str, &str)> =
         figures.iter().map(|figure| (figure.table.name, figure.picture.title.as_str())).collect();
-    files.push((out.with_added_extension("md"), claims::page(&claims, &titles, folder)));
+    files.push((out.with_added_extension("md"), claims::page(&claims, seed, &titles, folder)));
     written.write(&files)
 }

@@ -26,9 +26,9 @@ pub enum Scene {
     SoundSmooth,
     /// Sound casings with rogue taps, drifts and places that differ.
     SoundRough,
-    /// Even casings that do not turn on the rig, compared with such that do.
+    /// Smooth casings that do not turn on the rig, compared with smooth ones that do.
     StillSmooth,
-    /// The same of casings whose places differ.
+    /// Rough casings that do not turn, compared with rough ones that do.
     StillRough,
     /// One turn heard with 0.8 of the gain.
     Gain08,
@@ -42,6 +42,8 @@ pub enum Scene {
     SoundNoisier,
     /// Sound casings with rogue taps, drifts and places that differ, compared with smooth ones.
     SoundRougher,
+    /// Sound casings of even stiffness, compared with rough ones.
+    SoundSmoother,
     /// One or two faint cracks on smooth casings.
     FaintSmooth,
     /// The same on rough ones.
@@ -52,6 +54,8 @@ pub enum Scene {
     FaintNoisier,
     /// Faint cracks on rough casings, compared with smooth ones.
     FaintRougher,
+    /// Faint cracks on smooth casings, compared with rough ones.
+    FaintSmoother,
     /// One or two strong cracks on smooth casings.
     StrongSmooth,
     /// The same on rough ones.
@@ -156,12 +160,12 @@ impl Scene {
     /// The set of its casings: scenes that differ only after the simulation share one.
     pub fn set_name(self) -> &'static str {
         match self {
-            Self::SoundSmooth | Self::Gain08 | Self::Gain12 | Self::GainDrift => "sound-smooth",
+            Self::SoundSmooth | Self::SoundSmoother | Self::Gain08 | Self::Gain12 | Self::GainDrift => "sound-smooth",
             Self::SoundRough | Self::SoundRougher => "sound-rough",
             Self::SoundNoise | Self::SoundNoisier => "sound-noise",
             Self::StillSmooth => "still-smooth",
             Self::StillRough => "still-rough",
-            Self::FaintSmooth => "faint-smooth",
+            Self::FaintSmooth | Self::FaintSmoother => "faint-smooth",
             Self::FaintRough | Self::FaintRougher => "faint-rough",
             Self::FaintNoise | Self::FaintNoisier => "faint-noise",
             Self::StrongSmooth => "strong-smooth",
@@ -175,6 +179,7 @@ impl Scene {
     pub fn reference_scene(self) -> Self {
         match self {
             Self::SoundNoisier | Self::SoundRougher | Self::FaintNoisier | Self::FaintRougher => Self::SoundSmooth,
+            Self::SoundSmoother | Self::FaintSmoother => Self::SoundRough,
             _ => self.sound_scene(),
         }
     }
@@ -232,9 +237,12 @@ impl Scene {
     /// Cracks of a casing, drawn by `rng`; `None` for a sound scene.
     fn cracks(self) -> Option<fn(&mut ChaCha8Rng, u32) -> Vec<Crack>> {
         match self {
-            Self::FaintSmooth | Self::FaintRough | Self::FaintNoise | Self::FaintNoisier | Self::FaintRougher => {
-                Some(|rng, n| apart(rng, n, (1, 4), (12.0, 20.0), (10.0, 20.0), (0.15, 0.8)))
-            }
+            Self::FaintSmooth
+            | Self::FaintSmoother
+            | Self::FaintRough
+            | Self::FaintNoise
+            | Self::FaintNoisier
+            | Self::FaintRougher => Some(|rng, n| apart(rng, n, (1, 4), (12.0, 20.0), (10.0, 20.0), (0.15, 0.8))),
             Self::StrongSmooth | Self::StrongRough => {
                 Some(|rng, n| apart(rng, n, (3, 10), (3.0, 12.0), (20.0, 25.0), (0.9, 1.0)))
             }

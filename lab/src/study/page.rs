@@ -69,7 +69,8 @@ fn compared(of_sets: &[OfSet], name: &str, rival: impl Fn(&OfSet) -> &Rival) -> 
     let text = |of: &&OfSet| {
         let Rival { gain, interval, .. } = *rival(of);
         let [low, high] = ends(interval);
-        format!("{} {} ({low} to {high})", of.set, cell(gain))
+        let between = interval.map_or_else(String::new, |_| format!(" ({low} to {high})"));
+        format!("{} {}{between}", of.set, cell(gain))
     };
     format!(
         "The default index by a healthy reference has a greater AUC than {name} in {} of {} sets; in {} of these the interval \

@@ -126,13 +126,13 @@ flags! {
         ONE_SHOULDER = 22, "one_shoulder":
             "Only one shoulder of the casing was tapped: damage in another one would not show.";
         SCATTER_OFF = 23, "scatter_off":
-            "Its places differ from one another more than those of the reference: more noise, or another kind of casing.";
+            "Its locations differ from one another more than those of the reference: more noise, or another kind of casing.";
         SHOULDER_MISSING = 24, "shoulder_missing":
             "Only one shoulder of the casing was tapped, and most casings of the reference have two: damage in the other would not show.";
         REPEATED = 25, "repeated":
             "Two taps of the casing have the same values to the last digit: one recording is there twice, and another one lacks.";
         SCATTER_LOW = 26, "scatter_low":
-            "Its places differ from one another far less than those of the reference: the casing may not have turned, or the reference has more noise.";
+            "Its locations differ from one another far less than those of the reference: the casing may not have turned, or is more even.";
     }
 }
 

@@ -106,10 +106,10 @@ pub(super) fn csv(claims: &[Claim]) -> Result<String> {
 const HEAD: &str = include_str!("head.md");
 
 /// The page: the head, what was drawn, and the table of claims; `folder` is that of the figures.
-pub(super) fn page(claims: &[Claim], figures: &[(&str, &str)], folder: &str) -> String {
+pub(super) fn page(claims: &[Claim], seed: u64, figures: &[(&str, &str)], folder: &str) -> String {
     let count = |agrees| claims.iter().filter(|claim| claim.agrees == agrees).count();
     let (yes, no, open) = (count(Agrees::Yes), count(Agrees::No), count(Agrees::NotTestable));
-    let mut page = HEAD.to_owned();
+    let mut page = HEAD.replace("SEED", &seed.to_string());
     page.push_str(&format!(
         "\n## Claims\n\nOf {} claims {yes} agree, {no} do not, and {open} cannot be tested on a simulated tyre.\n\n\
          | claim | where | in the dissertation | here | agrees | what agreement needs, and why |\n|---|---|---|---|---|---|\n",
@@ -190,7 +190,7 @@ mod tests {
     #[test]
     fn the_page_has_a_row_a_claim() {
         let claim = Claim::new("id", "5.4").claim("claim").quantity("quantity").ours("1 N".to_owned()).remark("remark");
-        let page = page(&[claim.clone().agrees(false), claim], &[("fig60", "Fig. 60")], "to");
+        let page = page(&[claim.clone().agrees(false), claim], 1, &[("fig60", "Fig. 60")], "to");
         assert!(page.contains("\n| `id`: claim | 5.4 | no number | quantity: 1 N | no | remark |\n"), "{page}");
         assert!(
             page.contains("Of 2 claims 0 agree, 1 do not, and 1 cannot") && page.contains("(to/fig60.svg)"),
