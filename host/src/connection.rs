@@ -22,7 +22,7 @@ pub enum CredentialsError {
     #[error("cannot read the credentials in {}", path.display())]
     Unreadable { path: PathBuf, source: std::io::Error },
     /// Other users can read it.
-    #[error("every user of this machine can read {path}: chmod 600 {path}", path = path.display())]
+    #[error("every user of this machine can read {path}: give it to the user or group of this program, and chmod 640 {path}", path = path.display())]
     Shared { path: PathBuf },
     /// It is too long to be credentials.
     #[error("{} has {bytes} bytes: credentials have at most {CREDENTIALS_BYTES_MAX}", path.display())]

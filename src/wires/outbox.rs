@@ -95,6 +95,8 @@ struct State {
     count: u64,
     /// Notes of casings whose files did not have their names when the line was started.
     unnamed: Vec<Unreported>,
+    /// Whether an alarm says that some of them did not get their names.
+    has_alarmed: bool,
     /// Each with the text with which it began, which is that of its alarm, and its text now.
     troubles: BTreeMap<(Receiver, &'static str), (String, String)>,
     alarms: Vec<String>,
@@ -358,7 +360,15 @@ impl Outbox {
 
     /// What cannot be reported, or not before the next start of the line.
     pub(crate) fn troubles(&self) -> Vec<String> {
-        let state = self.state();
+        let mut state = self.state();
+        if self.opened_at.elapsed() > NAMED_WITHIN && !state.has_alarmed && !state.unnamed.is_empty() {
+            state.has_alarmed = true;
+            let count = counted(state.unnamed.len(), "verdict of an earlier line", "verdicts of earlier lines");
+            let first = self.file_of(&state.unnamed[0]);
+            let text = format!("{count} cannot be reported: there is no {}", first.display());
+            tracing::error!("{text}");
+            state.alarm(text);
+        }
         let left = (state.left_count > 0).then(|| {
             let older = counted(state.left_count as usize, "older one waits", "older ones wait");
             format!("{WAITING_MAX} verdicts wait to be acknowledged: {older} for the next start of the line")
@@ -370,8 +380,8 @@ impl Outbox {
         let lost = notes.first().map(|first| {
             let file = self.file_of(first);
             format!(
-                "{} verdicts cannot be reported: the first one's file, {}, is missing or damaged",
-                notes.len(),
+                "{} cannot be reported: the first one's file, {}, is missing or cannot be read",
+                counted(notes.len(), "verdict", "verdicts"),
                 file.display()
             )
         });
@@ -440,5 +450,17 @@ mod tests {
             waiting.unreadable_at = Instant::now().checked_sub(READ_AGAIN_AFTER);
         }
         assert_eq!(outbox.next(Receiver::Print, None), Some(note));
+    }
+
+    /// Catches verdicts of an earlier line whose files were moved away, and of which no alarm says so, or one at every look.
+    #[test]
+    fn a_file_that_is_gone_is_an_alarm() {
+        let (_folder, outbox) = outbox(vec![Receiver::Print]);
+        outbox.state().unnamed.push(note(1));
+        assert_eq!((outbox.troubles(), outbox.take_alarms()), (Vec::new(), Vec::new()), "it may get its name");
+        let mut outbox = Arc::into_inner(outbox).unwrap();
+        outbox.opened_at = Instant::now().checked_sub(2 * NAMED_WITHIN).unwrap();
+        let alarms = [0, 1].map(|_| (outbox.troubles().len(), outbox.take_alarms().len()));
+        assert_eq!(alarms, [(1, 1), (1, 0)]);
     }
 }
