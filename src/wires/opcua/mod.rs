@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
 
-use anyhow::{Context as _, Result, anyhow};
+use anyhow::{Context as _, Result, anyhow, ensure};
 use jiff::Timestamp;
 use jiff::tz::TimeZone;
 use opcua::crypto::CertificateStore;
@@ -138,11 +138,17 @@ fn builder(address: SocketAddr, pki: Option<&Path>, user: Option<User>, scratch:
     Ok(builder.add_endpoint("line", endpoint))
 }
 
-/// When the line's certificate in `folder` ends, in seconds since the Unix epoch.
+/// When the line's certificate in `folder` ends, in seconds since the Unix epoch. Without its key it would serve nobody.
 fn certificate_end_s(folder: &Path) -> Result<i64> {
-    let path = folder.join(CERTIFICATE);
+    let (path, key) = (folder.join(CERTIFICATE), folder.join(KEY));
     let context = || format!("line.opcua.pki_folder: {} is no certificate", path.display());
     let certificate = CertificateStore::read_cert(&path).map_err(|error| anyhow!(error)).with_context(context)?;
+    ensure!(
+        key.is_file(),
+        "line.opcua.pki_folder: {} has no key, {}: put the key back, or remove the certificate, and the next start makes others",
+        path.display(),
+        key.display()
+    );
     Ok(certificate.not_after().with_context(context)?.timestamp())
 }
 
@@ -287,6 +293,9 @@ mod tests {
         let warning = certificate_warning(end_s, end_s - ENDS_SOON_S + 1).unwrap();
         assert!(warning.contains("the line's certificate ends on 20"), "{warning}");
         assert!(certificate_warning(end_s, end_s + 1).is_some());
+        fs::remove_file(&key).unwrap();
+        let refused = certificate_end_s(folder.path()).unwrap_err().to_string();
+        assert!(refused.contains("own/cert.der has no key, ") && refused.contains("private/private.pem"), "{refused}");
         let refused = certificate_end_s(Path::new("nowhere")).unwrap_err().to_string();
         assert!(refused.contains("nowhere/own/cert.der is no certificate"), "{refused}");
     }
