@@ -112,7 +112,7 @@ fn each_step_between_two_can_be_the_last_of_a_line() {
     fs::rename(path(first), sandbox.path("elsewhere.h5")).unwrap();
     let mut line = idle_line(&sandbox);
     assert_eq!(line.verdict(), *second);
-    until("it is reported", || status(&sandbox)["troubles"].to_string().contains("verdicts cannot be reported"));
+    until("it is reported", || status(&sandbox)["troubles"].to_string().contains("1 verdict cannot be reported"));
     line.interrupt().expect(0);
     fs::rename(sandbox.path("elsewhere.h5"), path(first)).unwrap();
     let mut line = idle_line(&sandbox);
