@@ -9,7 +9,7 @@ use crate::costs::Costs;
 /// Most taps of a rig.
 const TAPS_PER_S: f64 = 2.5;
 
-const LINES: [f64; 4] = [1.0, 30.0, 1000.0, 100_000.0];
+const STATIONS: [f64; 4] = [1.0, 30.0, 1000.0, 100_000.0];
 const DAY_S: f64 = 86_400.0;
 /// A network of 1 Gbit/s, less its frames.
 const NETWORK_BYTES_PER_S: f64 = 118e6;
@@ -20,13 +20,13 @@ const USED: f64 = 0.5;
 
 /// The tables of the page.
 pub(crate) fn text(costs: &Costs) -> Result<String> {
-    let rates = LINES.map(|lines| lines * TAPS_PER_S);
+    let rates = STATIONS.map(|stations| stations * TAPS_PER_S);
     let us = |step: usize| costs.steps.get(step).map_or(f64::NAN, |step| step.us());
     let mut text = format!(
         "## What stations need\n\nA station makes {TAPS_PER_S} taps/s, day and night: one every 0.4 s. Half of the stations' cores and of each server is kept free, to \
          work off what has piled up.\n\n| | {} |\n|---|{}\n",
-        LINES.map(|lines| format!("{lines:.0} station{}", if lines > 1.0 { "s" } else { "" })).join(" | "),
-        "--:|".repeat(LINES.len())
+        STATIONS.map(|stations| format!("{stations:.0} station{}", if stations > 1.0 { "s" } else { "" })).join(" | "),
+        "--:|".repeat(STATIONS.len())
     );
     let mut row = |what: &str, of: &dyn Fn(f64) -> f64| -> Result<()> {
         writeln!(text, "| {what} | {} |", rates.map(|rate| shown(of(rate))).join(" | "))?;
@@ -58,8 +58,8 @@ pub(crate) fn text(costs: &Costs) -> Result<String> {
         limits.push(("a server of NATS with its collector".to_owned(), way.taps_per_s * USED / TAPS_PER_S));
     }
     limits.sort_by(|a, b| a.1.total_cmp(&b.1));
-    for (what, lines) in limits {
-        writeln!(text, "| {what} | {} |", shown(lines))?;
+    for (what, stations) in limits {
+        writeln!(text, "| {what} | {} |", shown(stations))?;
     }
     text.push_str(
         "\nThe row of the host is for taps at full speed: at the pace of a rig a tap costs twice as much. Listening and memory set lower limits: \

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use tapline_host::colour::Colour;
 use tapline_host::stdout::Stdout;
 use tapline_store::{Judged, Reader, Region, casing_id, peak, regions};
-use tapline_wire::{Calibration, Channel, Judgement, Reasons, Scan, TapState, Verdict, monotonic_ns};
+use tapline_wire::{Channel, Judgement, Reasons, Scan, TapState, Verdict, monotonic_ns};
 
 use crate::shown::refused::RefusedTaps;
 use crate::shown::whole::Whole;
@@ -275,12 +275,7 @@ pub(crate) fn since_last_tap_s(reader: &Reader) -> Result<Option<f64>> {
 pub(crate) fn calibration(reader: &Reader) -> (Option<String>, Option<String>, bool) {
     let recording = &reader.plan().recording;
     let channels = Channel::BOTH;
-    let computed = Calibration::computed();
-    let certificate = |&channel: &Channel| {
-        let certificate = recording.calibration.of(channel).certificate.as_ref();
-        certificate.filter(|_| recording.calibration.of(channel) != computed.of(channel))
-    };
-    let certificates = || channels.iter().filter_map(certificate);
+    let certificates = || channels.iter().filter_map(|&channel| recording.calibration.certificate(channel));
     let begun = certificates().map(|certificate| certificate.date.clone()).min();
     let ends = certificates().filter_map(|certificate| certificate.valid_until.clone()).min();
     (begun, ends, recording.calibration.is_out_of_date(&channels))

@@ -36,6 +36,8 @@ fn damage(path: &Path) {
 #[test]
 fn a_table_of_a_folder_is_one() {
     let sandbox = scanned();
+    let casings = csv_rows(&sandbox.run("export out casings").expect(0).out);
+    assert!(casings.iter().all(|row| row["force_calibrated_on"].is_empty()), "computed samples need no calibration");
     for table in ["discriminators", "damage", "regions", "verdicts", "ledger", "casings"] {
         let whole = sandbox.run(&format!("export out {table}")).expect(0).out;
         let rows = csv_rows(&whole);

@@ -105,17 +105,12 @@ pub(super) fn columns<'a>(name: Option<&str>) -> Vec<Column<CasingRow<'a>>> {
             let has_it = recording(row).channels.contains(&channel);
             has_it.then(|| recording(row).calibration.unit(channel).name().to_owned())
         };
-        // Computed samples need no calibration: theirs has no day.
-        let is_computed = move |row: &Row<'_>| {
-            recording(row).calibration.of(channel) == tapline_wire::Calibration::computed().of(channel)
-        };
-        let certificate = move |row: &Row<'_>| {
-            recording(row).calibration.of(channel).certificate.clone().filter(|_| !is_computed(row))
-        };
+        let method = move |row: &Row<'_>| Some(recording(row).calibration.of(channel).certificate.clone()?.method);
+        let certificate = move |row: &Row<'_>| recording(row).calibration.certificate(channel).cloned();
         let name = |what: &str| format!("{}_{what}", channel.name());
         columns.extend([
             Column::text(&name("unit"), unit),
-            Column::text(&name("calibration"), move |row| Some(certificate(row)?.method)),
+            Column::text(&name("calibration"), method),
             Column::text(&name("calibrated_on"), move |row| Some(certificate(row)?.date)),
             Column::text(&name("valid_until"), move |row| certificate(row)?.valid_until),
         ]);

@@ -72,14 +72,14 @@ fn modelled(plan: &Plan, tyre: SimulatedTyre, process: &ProcessConfig) -> Vec<Di
 }
 
 /// Counts the shoulders of each simulator that have `reason` after `spoil` has changed their taps.
-fn told(reason: Reasons, what: &str, spoil: impl Fn(&mut Discriminators)) -> [f64; 2] {
-    told_of(reason, what, 1, spoil)
+fn share(reason: Reasons, what: &str, spoil: impl Fn(&mut Discriminators)) -> [f64; 2] {
+    share_of(reason, what, 1, spoil)
 }
 
 /// The same for every `step`th casing: for 2, the sound ones.
-fn told_of(reason: Reasons, what: &str, step: usize, spoil: impl Fn(&mut Discriminators)) -> [f64; 2] {
+fn share_of(reason: Reasons, what: &str, step: usize, spoil: impl Fn(&mut Discriminators)) -> [f64; 2] {
     SCANS.each_ref().map(|(name, scans)| {
-        let (mut told_count, mut count) = (0, 0);
+        let (mut given_count, mut count) = (0, 0);
         for (plan, found) in scans.iter().step_by(step) {
             let mut fusion = Fusion::new(&FuseConfig::by(Reference::Own), plan).unwrap();
             for mut tap in found.iter().copied() {
@@ -91,10 +91,10 @@ fn told_of(reason: Reasons, what: &str, step: usize, spoil: impl Fn(&mut Discrim
             }
             for scan in 0..plan.scans().len() {
                 count += 1;
-                told_count += u32::from(fusion.judge(scan).unwrap().0.reasons.contains(reason));
+                given_count += u32::from(fusion.judge(scan).unwrap().0.reasons.contains(reason));
             }
         }
-        let share = f64::from(told_count) / f64::from(count);
+        let share = f64::from(given_count) / f64::from(count);
         eprintln!("{what}, {name}: {reason} of {share:.4} of {count} shoulders");
         share
     })
@@ -103,7 +103,7 @@ fn told_of(reason: Reasons, what: &str, step: usize, spoil: impl Fn(&mut Discrim
 /// Catches a force sensor whose gain changes within a scan, and a crack, a rogue tap or a drift that counts as such a change.
 #[test]
 fn a_force_gain_that_changes_within_a_scan() {
-    assert!(told(Reasons::FORCE_OFF, "nothing", |_| ()).iter().all(|share| *share <= 0.01));
+    assert!(share(Reasons::FORCE_OFF, "nothing", |_| ()).iter().all(|share| *share <= 0.01));
     for gain in [0.8, 1.2] {
         let off = |tap: &mut Discriminators, is_off: bool| {
             let f_max = tap.values.get(Discriminator::FMax).filter(|_| is_off);
@@ -119,7 +119,7 @@ fn a_force_gain_that_changes_within_a_scan() {
         for (place, is_there) in places {
             let what = format!("gain {gain} at {place}");
             // A crack in the same place reduces the force too: nothing shows whether the gain is off there as well.
-            let shares = told_of(Reasons::FORCE_OFF, &what, 2, |tap| off(tap, is_there(&tap.id)));
+            let shares = share_of(Reasons::FORCE_OFF, &what, 2, |tap| off(tap, is_there(&tap.id)));
             assert!(shares.iter().all(|share| *share >= 0.99), "{what}: {shares:?}");
         }
     }
@@ -129,7 +129,7 @@ fn a_force_gain_that_changes_within_a_scan() {
 #[test]
 fn a_force_gain_that_changes_between_turns() {
     for gain in [0.8, 1.2] {
-        let shares = told(Reasons::FORCE_OFF, &format!("gain {gain} of a turn"), |tap| {
+        let shares = share(Reasons::FORCE_OFF, &format!("gain {gain} of a turn"), |tap| {
             let is_off = tap.id.repetition == 1 && tap.id.offset_mm() == Some(0.0);
             let f_max = tap.values.get(Discriminator::FMax).filter(|_| is_off);
             f_max.into_iter().for_each(|f_max| tap.values.set(Discriminator::FMax, Some(gain * f_max)));
@@ -142,9 +142,9 @@ fn a_force_gain_that_changes_between_turns() {
 /// Catches a block of locations without a force that passes because the sound is there.
 #[test]
 fn a_force_that_is_missing_in_a_block() {
-    assert!(told(Reasons::DISCRIMINATORS_ABSENT, "nothing", |_| ()).iter().all(|share| *share <= 0.01));
+    assert!(share(Reasons::DISCRIMINATORS_ABSENT, "nothing", |_| ()).iter().all(|share| *share <= 0.01));
     for width in [2, 10, 30] {
-        let shares = told(Reasons::DISCRIMINATORS_ABSENT, &format!("no force at {width} locations"), |tap| {
+        let shares = share(Reasons::DISCRIMINATORS_ABSENT, &format!("no force at {width} locations"), |tap| {
             if (20..20 + width).contains(&tap.id.location) {
                 use Discriminator::{A1, A2, FMax, Tau};
                 [FMax, Tau, A1, A2].iter().for_each(|&which| tap.values.set(which, None));
@@ -160,7 +160,7 @@ fn a_velocity_that_was_never_measured() {
     let some = |tap: &mut Discriminators| {
         tap.velocity_measured_m_per_s = if tap.id.location == 3 { tap.velocity_measured_m_per_s } else { f64::NAN };
     };
-    assert!(told(Reasons::VELOCITY_UNKNOWN, "velocities at one location", some).iter().all(|share| *share < 0.01));
+    assert!(share(Reasons::VELOCITY_UNKNOWN, "velocities at one location", some).iter().all(|share| *share < 0.01));
     let none = |tap: &mut Discriminators| tap.velocity_measured_m_per_s = f64::NAN;
-    assert!(told(Reasons::VELOCITY_UNKNOWN, "no velocity", none).iter().all(|share| *share > 0.99));
+    assert!(share(Reasons::VELOCITY_UNKNOWN, "no velocity", none).iter().all(|share| *share > 0.99));
 }

@@ -136,6 +136,12 @@ impl Calibration {
         self.of(channel).unit
     }
 
+    /// The certificate of `channel`, from a day on which it was calibrated; computed samples need none.
+    pub fn certificate(&self, channel: Channel) -> Option<&Certificate> {
+        let is_computed = *self.of(channel) == *Self::computed().of(channel);
+        self.of(channel).certificate.as_ref().filter(|_| !is_computed)
+    }
+
     /// Whether each of `channels` has a certificate.
     pub fn is_certified(&self, channels: &[Channel]) -> bool {
         channels.iter().all(|&channel| self.of(channel).certificate.is_some())

@@ -190,7 +190,8 @@ mod tests {
     #[test]
     fn the_page_has_a_row_a_claim() {
         let claim = Claim::new("id", "5.4").claim("claim").quantity("quantity").ours("1 N".to_owned()).remark("remark");
-        let page = page(&[claim.clone().agrees(false), claim], 1, &[("fig60", "Fig. 60")], "to");
+        let page = page(&[claim.clone().agrees(false), claim], 7, &[("fig60", "Fig. 60")], "to");
+        assert!(page.contains("This page has seed 7.") && !page.contains("SEED"), "{page}");
         assert!(page.contains("\n| `id`: claim | 5.4 | no number | quantity: 1 N | no | remark |\n"), "{page}");
         assert!(
             page.contains("Of 2 claims 0 agree, 1 do not, and 1 cannot") && page.contains("(to/fig60.svg)"),
