@@ -133,9 +133,8 @@ impl ScatterLimits {
         let of_discriminator = |d: usize| {
             mean_and_sd(&|scores: &Scores| scores.scatter[d]).map_or(f64::INFINITY, |(mean, sd)| mean + 2.5 * sd)
         };
-        // By logarithms: a scatter is never below 0, whatever its standard deviation. The mean itself is uncertain too.
-        let sd_beside_mean = sd * (1.0 + 1.0 / shoulders.len() as f64).sqrt();
-        let (half, rarely_less) = (0.5 * mean, mean * (-4.0 * sd_beside_mean / mean).exp());
+        // By logarithms: a scatter is never below 0, whatever its standard deviation.
+        let (half, rarely_less) = (0.5 * mean, mean * (-4.0 * sd / mean).exp());
         let low = if half < rarely_less { half } else { rarely_less };
         Some(Self {
             of_discriminators: (0..shoulders.first()?.scatter.len()).map(of_discriminator).collect(),
