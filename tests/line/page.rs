@@ -291,6 +291,7 @@ fn pages_that_take_nothing_change_nothing() {
         Ok(mut stream) => {
             let answered = stream.read(&mut [0]);
             more.push(stream);
+            assert!(more.len() < 10, "more are served");
             match answered {
                 Ok(count) => count == 0,
                 Err(error) => error.kind() == io::ErrorKind::ConnectionReset,
